@@ -34,21 +34,23 @@ def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, 
     curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
     within: half width of the band.
     """
-    curves = {
-        name: contents("curve", curve, ("period", "relative_error"), what=CURVE) for name, curve in curves.items()
-    }
+    needed = ("period", "relative_error")
+    curves = {name: contents("curve", curve, needed, what=CURVE) for name, curve in curves.items()}
     ax = _axes(ax)
-    periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
+    periods = np.concatenate([curve["period"].values for curve in curves.values()])
+    periods = np.sort(periods) * 1e6
     band = np.full(periods.shape, 100 * within)
     ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
     ax.axhline(0, color=INK, linewidth=0.6)
-    for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
+    for k, (name, curve) in enumerate(curves.items()):
         error = curve["relative_error"].values * 100
-        ranges = [f"{low * 1e6:.3g} to {high * 1e6:.3g}" for low, high in sorted(valid_range(curve, within=within))]
-        words = f"{name}: {', '.join(ranges)} µs" if ranges else name
-        shown = np.where(np.isfinite(error), error, np.nan)
+        ranges = sorted(valid_range(curve, within=within))
+        words = ", ".join(f"{low * 1e6:.3g} to {high * 1e6:.3g}" for low, high in ranges)
+        label = f"{name}: {words} µs" if ranges else name
+        finite = np.where(np.isfinite(error), error, np.nan)
         style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
-        ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
+        colour = CYCLE[k % len(CYCLE)]
+        ax.plot(curve["period"].values * 1e6, finite, style, color=colour, label=label)
     bottom, top = ax.get_ylim()
     ax.set_ylim(max(bottom, -100), min(top, 100))
     ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel="period error (%)")
@@ -56,8 +58,10 @@ def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, 
     ax.set_title(words, fontsize="small", loc="left", color=INK)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
-    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2}
-    ax.legend(frameon=False, fontsize="small", **(below if len(curves) > len(CYCLE) else {}))
+    place: dict[str, Any] = {}
+    if len(curves) > len(CYCLE):  # below the axes
+        place = {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2}
+    ax.legend(frameon=False, fontsize="small", **place)
     return ax
 
 
@@ -113,23 +117,21 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     count = len(set(families))
     crowded = np.array([np.sum(states == n) > 1 for n in states])
     beside = 0.08 * (np.arange(count) - (count - 1) / 2)  # bars of models with as many states stand side by side
-    for family, shift, colour in zip(dict.fromkeys(families), beside, _cycle(count), strict=True):
-        own = [i for i, f in enumerate(families) if f == family]
-        at = states[own] + shift * crowded[own]
-        ax.vlines(at, error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
-        ax.plot(at, typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
+    for k, family in enumerate(dict.fromkeys(families)):
+        members = [i for i, name in enumerate(families) if name == family]
+        x = states[members] + beside[k] * crowded[members]
+        errors = error[members]
+        colour = CYCLE[k % len(CYCLE)]
+        style = "o-" if len(members) > 1 else "o"
+        ax.vlines(x, errors.min(axis=1), errors.max(axis=1), color=colour, linewidth=1, alpha=0.5)
+        ax.plot(x, typical[members], style, color=colour, markersize=5, label=family)
     ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
     ax.set_xlim(0, states.max() + 1)
     ax.legend(frameon=False, fontsize="small")
     return ax
 
 
-def _cycle(count: int) -> Sequence[str]:
-    """Enough colours, repeated where there are more lines than colours."""
-    return [CYCLE[i % len(CYCLE)] for i in range(count)]
-
-
-FINE = 4001  # samples of a period, between which a periodic state is a straight line
+FINE_SAMPLES = 4001  # samples of a period, between which a periodic state is a straight line
 
 
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
@@ -142,8 +144,9 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     model = getattr(fit, "model", fit)
     response = response_of(data)
     if response.periodic:
-        times = period_times(response.wave, FINE)
-        rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
+        times = period_times(response.wave, FINE_SAMPLES)
+        period = model.periodic_response(response.wave, FINE_SAMPLES)
+        rise = np.interp(response.times, times, period)
     else:
         rise = np.asarray(model.response(response.wave, response.times))
     upper, lower = _axes(ax, (WIDTH, 4.2), 2, sharex=True, height_ratios=[3, 1])
@@ -158,7 +161,8 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         upper.set(xscale="log")
         lower.set(xscale="log")
     rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
-    upper.set(ylabel=rise_label, xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
+    first = t[t > 0][0] if upper.get_xscale() == "log" else t[0]
+    upper.set(ylabel=rise_label, xlim=(first, t[-1]))
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
     of = response.name.replace(" us", " µs")
@@ -174,7 +178,8 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Steady rise of every ring (rows) per watt in every input (columns), in K/mW, colours logarithmic."""
     ax = _axes(ax)
     matrix = array.crosstalk / 1e3
-    picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
+    norm = LogNorm(vmin=matrix.min() / 2, vmax=matrix.max())
+    picture = ax.imshow(matrix, cmap="magma_r", norm=norm, aspect="equal")
     if matrix.size <= 64:
         luma = picture.to_rgba(matrix)[..., :3] @ (0.299, 0.587, 0.114)  # ITU-R BT.601
         for (i, j), value in np.ndenumerate(matrix):

@@ -24,7 +24,7 @@ from .validate import PERIODS, error_curve, swings, widest_range
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
 WARM = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are compared with k(T)
-SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
+TRAINING_SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,17 +95,21 @@ def train_all(
         "Newton": lambda: fit_newton(periodic).model,
         "second order": lambda: fit_second_order(periodic).model,
         "SINDy": lambda: _sindy(heat, part, read, power),
-        **{f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in range(3, 9)},  # type: ignore[misc]
-        **{f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in range(3, 9)},  # type: ignore[misc]
-        **{f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES},  # type: ignore[misc]
     }
+    for n in range(3, 9):
+        makers[f"Foster, trained ({n})"] = lambda n=n: fit_foster(step, n).model  # type: ignore[misc]
+    for n in range(3, 9):
+        makers[f"balanced truncation ({n})"] = lambda n=n: balanced_truncation(system, n).model  # type: ignore[misc]
+    for t in TOLERANCES:
+        makers[f"certified reduction ({t:g})"] = lambda t=t: reduce(system, t).model  # type: ignore[misc]
     reference: ThermalModel = exact
     error = fine.error_bound
     hot = 10 * power if hot is None else checks.between("hot", hot, 0, 10, unit="W")
     if heat.nonlinear and hot:
         model: NonlinearSystem = heat.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
         quadratic = reduce_quadratic(model, hot)
-        reference, error = quadratic.model, quadratic.static_error
+        reference = quadratic.model
+        error = quadratic.static_error
         makers["output map"] = lambda: output_map(model, hot)
     models = {}
     refused = {}
@@ -124,11 +128,13 @@ def training_data(
     """Training data of a precise model: one period of a 1 us square wave, and a step from 1 ns until it has settled."""
     square = SquareWave(power, 1e-6, duty)
     constant = Constant(power)
-    times, build = waveforms.period_times(square, SAMPLES), dataset.build
-    periodic = build(times, exact.periodic_response(square, SAMPLES), square, periodic=True, attributes=channel)
+    times = waveforms.period_times(square, TRAINING_SAMPLES)
+    rise = exact.periodic_response(square, TRAINING_SAMPLES)
+    periodic = dataset.build(times, rise, square, periodic=True, attributes=channel)
     times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
-    known = {"thermal_resistance": exact.thermal_resistance, **(channel or {})}
-    return periodic, build(times, exact.response(constant, times), constant, attributes=known)
+    attributes = {"thermal_resistance": exact.thermal_resistance, **(channel or {})}
+    step = dataset.build(times, exact.response(constant, times), constant, attributes=attributes)
+    return periodic, step
 
 
 def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
@@ -204,25 +210,27 @@ def judge(
         exact = swings(reference, periods, float(power), duty)
         for i, model in enumerate(models.values()):
             curve = error_curve(model, exact, periods, float(power), float(duty))
-            error[i, j], ends[i, j] = curve["relative_error"].values, widest_range(curve)
+            error[i, j] = curve["relative_error"].values
+            ends[i, j] = widest_range(curve)
             swing[i, j] = curve["swing_model"].values / exact - 1
     over = ("model", "power", "period")
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
-    found = xr.Dataset(
-        {
-            "period_error": (over, error, {"units": "1", "long_name": "period error over period"}),
-            "swing_error": (over, swing, {"units": "1", "long_name": "swing error over swing"}),
-            "shortest": (over[:2], ends[..., 0], {"units": "s", "long_name": "shortest period within 10 %"}),
-            "longest": (over[:2], ends[..., 1], {"units": "s", "long_name": "longest period within 10 %"}),
-            "states": ("model", states, {"units": "1", "long_name": "number of states"}),
-        },
-        coords={
-            "model": list(models),
-            "power": ("power", watts, describe("power")),
-            "period": ("period", periods, describe("period")),
-        },
+    coords = {
+        "model": list(models),
+        "power": ("power", watts, describe("power")),
+        "period": ("period", periods, describe("period")),
+    }
+    variables = (
+        ("period_error", over, error, "1", "period error over period"),
+        ("swing_error", over, swing, "1", "swing error over swing"),
+        ("shortest", over[:2], ends[..., 0], "s", "shortest period within 10 %"),
+        ("longest", over[:2], ends[..., 1], "s", "longest period within 10 %"),
+        ("states", "model", states, "1", "number of states"),
     )
-    return found.assign_attrs(verdict=verdict(found), duty=float(duty))
+    judged = xr.Dataset(coords=coords)
+    for name, dims, values, unit, words in variables:
+        judged[name] = (dims, values, {"units": unit, "long_name": words})
+    return judged.assign_attrs(verdict=verdict(judged), duty=float(duty))
 
 
 USUAL = "Newton", "second order", "Foster, trained (3)", "Foster, trained (5)", "SINDy", "certified reduction (0.0001)"
@@ -260,17 +268,19 @@ def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Datase
 
     The output map is made for the largest power. Powers (W) from the first without a steady state on are left out.
     """
-    rise = []
+    rises = []
     for power in checks.array("powers", powers, increasing=True):
         try:
-            rise.append((power, float(system.steady_rise(float(power))[0])))
+            rise, *_ = system.steady_rise(float(power))
         except checks.InputError:  # the conductivity has gone
             break
-    watts, kelvin = np.array(rise).T
-    mapped = output_map(system, float(watts[-1]))
-    off = np.array([mapped.steady_rise(float(power)) for power in watts]) / kelvin - 1
-    columns = {"rise": kelvin, "linear_error": system.thermal_resistance * watts / kelvin - 1, "map_error": off}
-    return xr.Dataset({name: ("power", column) for name, column in columns.items()}, {"power": watts})
+        rises.append((power, float(rise)))
+    watts, kelvin = np.array(rises).T
+    of_map = output_map(system, float(watts[-1]))
+    mapped = np.array([of_map.steady_rise(float(power)) for power in watts])
+    linear = system.thermal_resistance * watts
+    errors = {"rise": kelvin, "linear_error": linear / kelvin - 1, "map_error": mapped / kelvin - 1}
+    return xr.Dataset({name: ("power", column) for name, column in errors.items()}, {"power": watts})
 
 
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
@@ -288,18 +298,23 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     low = float(judged["period"][0])
     high = float(judged["period"][-1])
     for power in judged["power"].values:
-        here = judged.sel(power=power)
-        worst = abs(here["period_error"]).max("period")
-        enough = [m for m in here["model"].values if float(worst.sel(model=m)) <= within]
-        said = f"{power * 1e3:g} mW, {low * 1e6:g} to {high * 1e6:g} us, within {within:.0%}: "
-        if enough:
-            least = min(enough, key=lambda m: (float(here["states"].sel(model=m)), float(worst.sel(model=m))))
-            lines.append(said + f"{least} suffices ({here['states'].sel(model=least).item():.0f} states)")
-        else:
-            lines.append(said + "no model suffices everywhere")
-        for m in here["model"].values:
-            if m not in enough:
-                a, b = widest_range(here.sel(model=m).rename(period_error="relative_error"), within=within)
-                reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
-                lines.append(f"  {m}: {reach}")
+        of_power = judged.sel(power=power)
+        worst = abs(of_power["period_error"]).max("period").values.tolist()
+        states = of_power["states"].values.tolist()
+        suffice = []
+        ranges = []
+        for k, model in enumerate(of_power["model"].values):
+            if worst[k] <= within:
+                suffice.append((states[k], worst[k], model))
+                continue
+            curve = of_power.isel(model=k).rename(period_error="relative_error")
+            a, b = widest_range(curve, within=within)
+            reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
+            ranges.append(f"  {model}: {reach}")
+        best = "no model suffices everywhere"
+        if suffice:
+            count, _, smallest = min(suffice)
+            best = f"{smallest} suffices ({count:.0f} states)"
+        lines.append(f"{power * 1e3:g} mW, {low * 1e6:g} to {high * 1e6:g} us, within {within:.0%}: {best}")
+        lines += ranges
     return "\n".join(lines)

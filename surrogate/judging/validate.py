@@ -20,10 +20,11 @@ from thermofem.piecewise import bounds
 from thermofem.transient.integration import integrate_periodic
 from thermofem.waveforms import Waveform
 
+from ..fitting.pole_projection import rms
 from ..reduction.nonlinear_reduction import QuadraticReduction, reduce_quadratic
 
 PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read
-SAMPLES = 301  # of one period
+PERIOD_SAMPLES = 301  # of one period
 CHECKED = 5  # periods at which the full order with k(T) corrects its quadratic reduction
 CHECKED_SAMPLES = 21  # of such a period: the swing is that of the two edges
 COMPARED = 20_001  # times of one period at which models are compared: the fastest poles err just after an edge
@@ -73,18 +74,20 @@ def period_error(
 def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float, duty: float) -> xr.Dataset:
     """`period_error` for given swings in K of the reference at the periods."""
     look = swing_over_period(model, periods, power, duty)
-    found = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
-    error = periods - found
-    own = np.array([look(t) for t in periods])
-    variables = {
-        "period_model": ("period", found, {"units": "s", "long_name": "period at which the model has the swing"}),
-        "error": ("period", error, {"units": "s", "long_name": "period error"}),
-        "relative_error": ("period", error / periods, {"units": "1", "long_name": "period error over period"}),
-        "swing": ("period", swing, {"units": "K", "long_name": "swing of the temperature rise"}),
-        "swing_model": ("period", own, {"units": "K", "long_name": "swing of the model's temperature rise"}),
-    }
+    period_model = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
+    error = periods - period_model
+    swing_model = np.array([look(t) for t in periods])
+    columns = (
+        ("period_model", period_model, "s", "period at which the model has the swing"),
+        ("error", error, "s", "period error"),
+        ("relative_error", error / periods, "1", "period error over period"),
+        ("swing", swing, "K", "swing of the temperature rise"),
+        ("swing_model", swing_model, "K", "swing of the model's temperature rise"),
+    )
     coords = {"period": ("period", periods, {"units": "s", "long_name": "period"})}
-    curve = xr.Dataset(variables, coords=coords, attrs={"power": power, "duty": duty})
+    curve = xr.Dataset(coords=coords, attrs={"power": power, "duty": duty})
+    for name, column, unit, words in columns:
+        curve[name] = ("period", column, {"units": unit, "long_name": words})
     trained = (getattr(model, "origin", None) or {}).get("training_period")
     if isinstance(trained, float):
         curve.attrs["training_period"] = trained
@@ -105,15 +108,17 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
     nonlinear = isinstance(system, NonlinearSystem)
     reduction = reduce_quadratic(system, power) if nonlinear else None
     look = swing_over_period(reduction.model if reduction else reference, periods, power, duty)
-    found = np.array([look(t) for t in periods])
-    return found * _correction(reduction, system, periods, power, duty) if reduction else found
+    swing = np.array([look(t) for t in periods])
+    return swing * _correction(reduction, system, periods, power, duty) if reduction else swing
 
 
 def _correction(
     reduction: QuadraticReduction, system: NonlinearSystem, periods: Array, power: float, duty: float
 ) -> Array:
     """Ratio of the full-order swing to that of its quadratic reduction at each of the periods."""
-    few = np.geomspace(periods[0], periods[-1], CHECKED) if periods.size > CHECKED else periods
+    few = periods
+    if periods.size > CHECKED:
+        few = np.geomspace(periods[0], periods[-1], CHECKED)
     ratio = []
     for period in few:
         wave = SquareWave(power, float(period), duty)
@@ -124,7 +129,8 @@ def _correction(
         ratio.append(np.ptp(full) / np.ptp(states @ reduction.model.C))
     if periods.size <= CHECKED:
         return np.array(ratio)
-    return np.asarray(PchipInterpolator(np.log(few), ratio)(np.log(periods)))
+    between = PchipInterpolator(np.log(few), ratio)
+    return np.asarray(between(np.log(periods)))
 
 
 def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
@@ -146,12 +152,15 @@ def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Ca
     low = np.log(periods[0] / 2)
     high = np.log(periods[-1] * 2)
     # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
-    nodes = np.linspace(low, high, 1 + int(np.ceil((high - low) / np.log(1.25))))
+    steps = int(np.ceil((high - low) / np.log(1.25)))
+    nodes = np.linspace(low, high, 1 + steps)
     spline = CubicSpline(nodes, np.log([exact(node) for node in nodes]))
 
     def look(period: float) -> float:
-        at = float(np.log(period))
-        return float(np.exp(spline(at))) if low <= at <= high else exact(at)
+        log_period = float(np.log(period))
+        if low <= log_period <= high:
+            return float(np.exp(spline(log_period)))
+        return exact(log_period)
 
     return look
 
@@ -163,31 +172,41 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
     """
     poles = bare(model)
     # 200: states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
-    if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= 200):
+    small = isinstance(poles, StateSpace) and poles.order <= 200
+    if small or isinstance(poles, Foster | Network | Cauer):
         poles = poles.dynamics
     if isinstance(poles, Foster) and poles.passive:
-        on = -wave.duty * wave.period / np.asarray(poles.tau)
-        off = -(1 - wave.duty) * wave.period / np.asarray(poles.tau)
-        return float(-wave.power * np.asarray(poles.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
+        R = np.asarray(poles.R)
+        tau = np.asarray(poles.tau)
+        on = -wave.duty * wave.period / tau
+        off = -(1 - wave.duty) * wave.period / tau
+        shares = np.expm1(on) * np.expm1(off) / np.expm1(on + off)
+        return float(-wave.power * R @ shares)
     linear = poles.dynamics.linear if isinstance(poles, OutputMap) else poles
     if isinstance(linear, Foster) and not linear.passive:
         tau = np.asarray(linear.tau)
-        rise = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True) @ linear.gain
-        return float(np.ptp(poles.of(rise) if isinstance(poles, OutputMap) else rise))
+        phi = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True)
+        rise = phi @ linear.gain
+        if isinstance(poles, OutputMap):
+            rise = poles.of(rise)
+        return float(np.ptp(rise))
     if isinstance(poles, Quadratic) and not np.array_equal(poles.A, poles.A.T):  # no reduction of a FEM
-        start = poles.periodic_states(wave, SAMPLES)[0]
+        start = poles.periodic_states(wave, PERIOD_SAMPLES)[0]
         tau = -1 / np.linalg.eigvals(poles.A).real
-        return float(np.ptp(poles.states(wave, _after_edges(wave, tau), initial=start) @ poles.C))
-    return float(np.ptp(model.periodic_response(wave, SAMPLES)))
+        states = poles.states(wave, _after_edges(wave, tau), initial=start)
+        return float(np.ptp(states @ poles.C))
+    return float(np.ptp(model.periodic_response(wave, PERIOD_SAMPLES)))
 
 
 def _after_edges(wave: SquareWave, tau: Array) -> Array:
     """Times in s over one period, dense after both edges, where a model with time constants tau may overshoot."""
     # 0.02: relative step of the times after an edge: 1e-4 of an overshoot
-    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / 0.02)))
+    steps = int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / 0.02))
+    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), steps)
     on = wave.duty * wave.period
-    times = np.concatenate([[0.0, on, wave.period], since[since < on], on + since[since < wave.period - on]])
-    return np.unique(times)
+    while_on = since[since < on]
+    while_off = on + since[since < wave.period - on]
+    return np.unique(np.concatenate([[0.0, on, wave.period], while_on, while_off]))
 
 
 def period_of(look: Callable[[float], float], swing: float, near: float) -> float:
@@ -207,7 +226,9 @@ def period_of(look: Callable[[float], float], swing: float, near: float) -> floa
         step = 1.5 * step
         if abs(outer - np.log(near)) > farthest:
             return float("inf") if side > 0 else 0.0
-    return float(np.exp(brentq(excess, inner, outer, xtol=1e-10))) if inner != outer else near
+    if inner == outer:
+        return near
+    return float(np.exp(brentq(excess, inner, outer, xtol=1e-10)))
 
 
 def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, float]]:
@@ -223,8 +244,9 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, 
     Raises InputError: no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
-    period, error = in_si("curve", curve)["period"], curve["relative_error"]
-    x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
+    period = np.atleast_1d(in_si("curve", curve)["period"].values)
+    error = curve["relative_error"]
+    x = np.log(checks.array("curve.period", period, increasing=True))
     if error.dtype.kind not in "fiu" or error.size != x.size:
         raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")
     y = np.abs(error.values.ravel())
@@ -233,33 +255,46 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, 
     last = np.flatnonzero(good[:-1] & ~good[1:]) - 1
 
     def crossing(inside: int, outside: int) -> float:
-        if not (0 <= outside < x.size and np.isfinite(y[outside])):
+        known = 0 <= outside < x.size and np.isfinite(y[outside])
+        if not known:
             return float(x[inside])
-        share = (within - y[inside]) / (y[outside] - y[inside])
-        return float(x[inside] + share * (x[outside] - x[inside]))
+        dx = x[outside] - x[inside]
+        dy = y[outside] - y[inside]
+        share = (within - y[inside]) / dy
+        return float(x[inside] + share * dx)
 
-    pairs = zip(first.tolist(), last.tolist(), strict=True)
-    stretches = [(crossing(i, i - 1), crossing(j, j + 1)) for i, j in pairs]
     least = min(np.log(2), x[-1] - x[0]) - 1e-12
-    stretches = [(float(np.exp(low)), float(np.exp(high))) for low, high in stretches if high - low >= least]
-    at = curve.attrs.get("training_period", np.nan)
-    return sorted(stretches, key=lambda ends: (not ends[0] <= at <= ends[1], ends[0] / ends[1]))
+    stretches = []
+    for i, j in zip(first.tolist(), last.tolist(), strict=True):
+        low = crossing(i, i - 1)
+        high = crossing(j, j + 1)
+        if high - low >= least:
+            stretches.append((float(np.exp(low)), float(np.exp(high))))
+    trained = curve.attrs.get("training_period", np.nan)
+
+    def order(ends: tuple[float, float]) -> tuple[bool, float]:
+        low, high = ends
+        return not low <= trained <= high, low / high
+
+    return sorted(stretches, key=order)
 
 
 def widest_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
     """The widest stretch of `valid_range`, (nan, nan) where there is none."""
-    return max(valid_range(curve, within=within), key=lambda ends: ends[1] / ends[0], default=(np.nan, np.nan))
+    stretches = valid_range(curve, within=within)
+    return max(stretches, key=lambda ends: ends[1] / ends[0], default=(np.nan, np.nan))
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
     """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us (trained at 1 us) and from 3 to 4.1 us'."""
-    at = curve.attrs.get("training_period")
+    trained = curve.attrs.get("training_period", np.nan)
     percent = 100 * float(within)
-    trained = "" if at is None else f" (trained at {at * 1e6:.3g} us)"
     words = []
     for low, high in valid_range(curve, within=within):
-        around = at is not None and low <= at <= high
-        words.append(f"from {low * 1e6:.3g} to {high * 1e6:.3g} us{trained if around else ''}")
+        text = f"from {low * 1e6:.3g} to {high * 1e6:.3g} us"
+        if low <= trained <= high:
+            text += f" (trained at {trained * 1e6:.3g} us)"
+        words.append(text)
     if not words:
         return f"nowhere within {percent:g} %"
     return f"within {percent:g} % {' and '.join(words)}"
@@ -296,25 +331,28 @@ def compare(
     InputError
         no model or what is none, no waveform, or a drive under which the reference does not move.
     """
-    given: Any = held_out_drives() if drives is None else drives
-    drives = [given] if hasattr(given, "breakpoints") else list(given)
+    asked: Any = held_out_drives() if drives is None else drives
+    drives = [asked] if hasattr(asked, "breakpoints") else list(asked)
     exact = [_rise_under(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):
         raise checks.InputError(f"the reference does not move under drive {int(np.argmin(swing))}; is its power zero?")
-    misfit = [[_rise_under(m, d) - y for d, y in zip(drives, exact, strict=True)] for m in models.values()]
-    rms = np.array([[np.sqrt(np.mean(e**2)) for e in row] for row in misfit])
-    peak = np.array([[np.max(np.abs(e)) for e in row] for row in misfit])
-    fields = {
-        "rms": (rms, "K", "rms error"),
-        "peak": (peak, "K", "largest error"),
-        "rms_relative": (rms / swing, "1", "rms error over swing"),
-        "peak_relative": (peak / swing, "1", "largest error over swing"),
-    }
-    variables: dict[str, Any] = {
-        name: (("model", "drive"), value, {"units": unit, "long_name": words})
-        for name, (value, unit, words) in fields.items()
-    }
+    errors = np.empty((len(models), len(drives)))
+    peak = np.empty_like(errors)
+    for i, model in enumerate(models.values()):
+        for j, drive in enumerate(drives):
+            misfit = _rise_under(model, drive) - exact[j]
+            errors[i, j] = rms(misfit)
+            peak[i, j] = np.max(np.abs(misfit))
+    fields = (
+        ("rms", errors, "K", "rms error"),
+        ("peak", peak, "K", "largest error"),
+        ("rms_relative", errors / swing, "1", "rms error over swing"),
+        ("peak_relative", peak / swing, "1", "largest error over swing"),
+    )
+    variables: dict[str, Any] = {}
+    for name, values, unit, words in fields:
+        variables[name] = (("model", "drive"), values, {"units": unit, "long_name": words})
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
     periods = checks.array("periods", periods, increasing=True, empty=True)
@@ -322,9 +360,11 @@ def compare(
         power = max(map(_largest, drives))
         duty = 1 / 3
         swing = swings(reference, periods, power, duty)
-        words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
-        variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
-    return xr.Dataset(variables, coords={"model": list(models), "drive": [d.words for d in drives]})
+        curves = [error_curve(m, swing, periods, power, duty) for m in models.values()]
+        ranges = [curve.attrs["validity"] for curve in curves]
+        variables["validity"] = ("model", ranges, {"long_name": "range of validity on the period"})
+    coords = {"model": list(models), "drive": [d.words for d in drives]}
+    return xr.Dataset(variables, coords=coords)
 
 
 def square_waves(
@@ -336,7 +376,8 @@ def square_waves(
     periods: number of periods, evenly spaced in their logarithm.
     duties: fractions of the period that are on, between 0 and 1.
     """
-    return [SquareWave(power, float(t), d) for t in np.geomspace(1e-7, 1e-5, periods) for d in duties]
+    times = np.geomspace(1e-7, 1e-5, periods).tolist()
+    return [SquareWave(power, time, duty) for time in times for duty in duties]
 
 
 def held_out_drives(power: float = 2e-3) -> list[Waveform]:
@@ -345,18 +386,19 @@ def held_out_drives(power: float = 2e-3) -> list[Waveform]:
     power [W]: the largest of each drive.
     """
     pulses = [waveforms.Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
-    noise = [waveforms.Telegraph(power, *times, seed=k) for k, times in enumerate(((2e-7, 2e-5), (2e-6, 1e-4)), 1)]
+    short = waveforms.Telegraph(power, 2e-7, 2e-5, seed=1)
+    long = waveforms.Telegraph(power, 2e-6, 1e-4, seed=2)
     chirp = waveforms.Chirp(power, 1e-7, 1e-5, 1e-4)
-    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, chirp]
+    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, short, long, chirp]
 
 
 def _rise_under(model: ThermalModel, drive: Waveform) -> Array:
     """Rise in K under a drive: one period of the periodic state, or from rest over 1.5 times the drive's length."""
     if drive.period is not None:
         return model.periodic_response(drive, COMPARED)
-    length = _length(drive)
-    edges = drive.breakpoints(0.0, 1.5 * length)
-    times = np.unique(np.concatenate([np.linspace(0, 1.5 * length, 4 * COMPARED), edges]))
+    end = 1.5 * _length(drive)
+    even = np.linspace(0, end, 4 * COMPARED)
+    times = np.unique(np.concatenate([even, drive.breakpoints(0.0, end)]))
     return model.response(drive, times)
 
 

@@ -59,8 +59,8 @@ class Truncation(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        made = {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
-        return {**(self.model.origin or {}), **made}
+        origin = dict(self.model.origin or {})
+        return origin | {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
@@ -95,26 +95,30 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     check_single(system)
     heated = int(fine.heated[0])
     read = int(fine.read[0])
-    rate, F = fine.projection.rate, fine.projection.ports
+    rate = fine.projection.rate
+    F = fine.projection.ports
     order = checks.integer("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")
-    own = fine.projection.gain.diagonal()
-    sigma, U = np.linalg.eigh((F / own) @ F.T / (rate[:, None] + rate))
-    sigma, U = np.maximum(sigma[::-1], 0) * np.sqrt(own[heated] * own[read]), U[:, ::-1]
-    kept, Z = np.linalg.eigh(U[:, :order].T @ (rate[:, None] * U[:, :order]))
-    modes = U[:, :order] @ Z
-    static = float(fine.projection.gain[heated, read])
-    R = (F[:, heated] @ modes) * (F[:, read] @ modes) / kept
-    lost = abs(static - float(R.sum()))
-    if lost > 0.5 * abs(static):
-        raise checks.InputError(f"order = {order} keeps {R.sum() / static:.0%} of the static gain; take more poles")
+    gain = fine.projection.gain
+    static = float(gain[heated, read])
+    of_parts = gain.diagonal()
+    gramian = (F / of_parts) @ F.T / (rate[:, None] + rate)
+    sigma, U = np.linalg.eigh(gramian)
+    sigma = np.maximum(sigma[::-1], 0) * np.sqrt(of_parts[heated] * of_parts[read])
+    balanced = U[:, ::-1][:, :order]
+    slow, Z = np.linalg.eigh(balanced.T @ (rate[:, None] * balanced))
+    modes = balanced @ Z
+    at_read = F[:, read] @ modes
+    R = (F[:, heated] @ modes) * at_read / slow
+    total = float(R.sum())
+    if abs(static - total) > 0.5 * abs(static):
+        raise checks.InputError(f"order = {order} keeps {total / static:.0%} of the static gain; take more poles")
     tail = 2 * float(sigma[order:].sum())
     certificate = float(fine.certificate.top.max())
-    alpha = static / float(R.sum())
+    alpha = static / total
     restoring = abs(alpha - 1) * float(np.abs(R).sum())  # between two parts R_i of either sign: |H_r| may exceed H_r(0)
-    model = Foster(
-        R=alpha * R[::-1], tau=1 / kept[::-1], inputs=system.inputs, outputs=system.outputs, origin=system.origin
-    )
-    basis = fine.basis @ modes[:, ::-1] / (F[:, read] @ modes)[::-1]
+    names: dict[str, Any] = {"inputs": system.inputs, "outputs": system.outputs, "origin": system.origin}
+    model = Foster(R=alpha * R[::-1], tau=1 / slow[::-1], **names)
+    basis = fine.basis @ modes[:, ::-1] / at_read[::-1]
     return Truncation(
         model=model,
         error_bound=(certificate + tail + restoring) / abs(static),

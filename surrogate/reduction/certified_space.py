@@ -85,6 +85,11 @@ class Projection:
         """Static gain between the ports, shape (p, p), exact."""
         return self.ports.T @ (self.ports / self.rate[:, None])
 
+    def reduced(self, omega: Array) -> NDArray[np.complex128]:
+        """Reduced solutions Y(i w) in modes at angular frequencies in rad/s, shape (m, k, p)."""
+        s = 1j * omega[:, None, None]
+        return np.asarray(self.ports / (self.rate[:, None] + s))
+
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
@@ -141,12 +146,16 @@ def certify_defect(
         `certify`, which needs none beyond those of the basis.
     pairs [two arrays of int, shape (c,)]
     """
-    omega, p = _frequencies(projection, projection.rate[-1:], PER_DECADE), projection.ports.shape[1]
-    Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
-    residual = np.concatenate([np.broadcast_to(np.eye(p), (omega.size, p, p)), -Y], axis=1)
-    bounds = _bounds(omega, shifts, [symmetric_part(parts.T @ w) for w in solutions], residual, pairs)
     a, b = pairs
-    leak = residual.transpose(0, 2, 1) @ (parts.T @ projection.modes @ Y)
+    p = projection.ports.shape[1]
+    omega = _frequencies(projection, projection.rate[-1:], PER_DECADE)
+    Y = projection.reduced(omega)
+    identity = np.broadcast_to(np.eye(p), (omega.size, p, p))
+    residual = np.concatenate([identity, -Y], axis=1)
+    grams = [symmetric_part(parts.T @ w) for w in solutions]
+    bounds = _bounds(omega, shifts, grams, residual, pairs)
+    along = parts.T @ projection.modes
+    leak = residual.transpose(0, 2, 1) @ (along @ Y)
     return _certificate(projection, omega, bounds + np.abs(leak[:, a, b]), pairs)
 
 
@@ -156,19 +165,23 @@ def leftover(projection: Projection, defect: Array, weight: Array) -> float:
     Round-off of the basis makes D = Q G + L with L != 0. Measured in the norm of ``weight`` (shape (n,)), at four
     frequencies a decade.
     """
-    Q = np.linalg.qr(np.sqrt(weight)[:, None] * projection.remainder)[0]
-    D = np.sqrt(weight)[:, None] * defect
+    root = np.sqrt(weight)[:, None]
+    Q, _ = np.linalg.qr(root * projection.remainder)
+    D = root * defect
     G = Q.T @ D
     L = D - Q @ G
-    own = Q.T @ (np.sqrt(weight)[:, None] * (projection.remainder @ projection.shares))
+    ports = Q.T @ (root * (projection.remainder @ projection.shares))
     gram = L.T @ L
     low, high = projection.rate[[0, -1]]
+    count = int(4 * np.log10(100 * high / low)) + 2
     worst = 0.0
-    for omega in np.geomspace(low / 10, high * 10, int(4 * np.log10(100 * high / low)) + 2):
+    for omega in np.geomspace(low / 10, high * 10, count):
         Y = projection.ports / (projection.rate + 1j * omega)[:, None]
-        seen = np.linalg.norm(own - G @ Y, axis=0)
-        lost = np.sqrt(np.maximum(np.einsum("ia,ij,ja->a", Y.conj(), gram, Y).real, 0))
-        worst = max(worst, float(np.max(lost / np.maximum(seen, np.finfo(float).tiny))))
+        inside = np.linalg.norm(ports - G @ Y, axis=0)
+        square = np.einsum("ia,ij,ja->a", Y.conj(), gram, Y).real
+        outside = np.sqrt(np.maximum(square, 0))
+        ratio = outside / np.maximum(inside, np.finfo(float).tiny)
+        worst = max(worst, float(ratio.max()))
     return worst
 
 
@@ -176,7 +189,8 @@ def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Arra
     """Angular frequencies in rad/s at which the bound is sampled, shape (m,)."""
     low = projection.rate[0] / BEYOND
     high = max(projection.rate[-1], *shifts) * BEYOND
-    return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * per_decade)))
+    count = int(np.ceil(np.log10(high / low) * per_decade))
+    return np.geomspace(low, high, count)
 
 
 def _bounds(
@@ -188,20 +202,31 @@ def _bounds(
 ) -> Array:
     """Bounds sqrt(|R_a|_j |R_a|_l |R_b|_j |R_b|_l) / rho_jl in K/W for every two shifts, shape (bounds, m, c)."""
     a, b = pairs
-    squares = [np.maximum(np.einsum("mia,mia->ma", residual.conj(), gram @ residual).real, 0) for gram in grams]
-    products = [np.sqrt(square[:, a] * square[:, b]) for square in squares]  # of the two norms of each channel
-    both = combinations_with_replacement(zip(shifts, products, strict=True), 2)
-    return np.array([np.sqrt(one * other) / _rho(omega, s, t)[:, None] for (s, one), (t, other) in both])
+    products = []  # of the two norms of each channel, |R_a|_j |R_b|_j
+    for gram in grams:
+        square = np.einsum("mia,mia->ma", residual.conj(), gram @ residual).real
+        square = np.maximum(square, 0)
+        products.append(np.sqrt(square[:, a] * square[:, b]))
+    bounds = []
+    for j, k in combinations_with_replacement(range(len(shifts)), 2):
+        rho = _rho(omega, shifts[j], shifts[k])[:, None]
+        bounds.append(np.sqrt(products[j] * products[k]) / rho)
+    return np.array(bounds)
 
 
 def _certificate(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
     """The certificate from several bounds at ``omega``, shape (bounds, m, c); the smallest holds."""
-    k, (a, b), static = projection.rate.size, pairs, projection.gain.diagonal()
-    each = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
+    a, b = pairs
+    k = projection.rate.size
+    static = projection.gain.diagonal()
+    bounds = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
+    smallest = bounds.min(axis=0)
     step = np.log(omega[1] / omega[0])
-    between = np.maximum(each[:, 1:], each[:, :-1]).min(axis=0) * np.exp(k * step**2 / 8)
-    ends = np.maximum(each[:, 0].min(axis=0), each[:, -1].min(axis=0)) * (1 + k / BEYOND**2)
-    return Certificate(omega, each.min(axis=0), np.maximum(between.max(axis=0), ends))
+    larger = np.maximum(bounds[:, 1:], bounds[:, :-1]).min(axis=0)  # of the two ends of each interval
+    between = larger * np.exp(k * step**2 / 8)
+    beyond = np.maximum(smallest[0], smallest[-1]) * (1 + k / BEYOND**2)
+    top = np.maximum(between.max(axis=0), beyond)
+    return Certificate(omega, smallest, top)
 
 
 def _rho(omega: Array, s: float, t: float) -> Array:
@@ -216,10 +241,10 @@ def _phi(projection: Projection, shift: float, solution: Array, gram: Array, ome
 
     With W = (K + s M)^-1 Q and V^T Q = 0:  W^T D = -(W^T M V)(Kr + s),  W^T Q = gram,  so G = gram^-1 W^T D.
     """
-    D = -(solution.T @ projection.mass_basis @ projection.vectors) * (projection.rate + shift)
-    G = np.linalg.lstsq(gram, D, rcond=1e-13)[0]
-    Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
-    return np.asarray(projection.shares - G @ Y, dtype=complex)
+    masses = solution.T @ projection.mass_basis @ projection.vectors
+    D = -masses * (projection.rate + shift)
+    G, *_ = np.linalg.lstsq(gram, D, rcond=1e-13)
+    return np.asarray(projection.shares - G @ projection.reduced(omega), dtype=complex)
 
 
 EXHAUSTED = 1e-13  # share of a port outside the basis that is round-off
@@ -232,13 +257,15 @@ class CertifiedSpace(krylov.KrylovSpace):
 
     def __init__(self, K: Any, M: Any, ports: Array, tolerance: float) -> None:
         super().__init__(K, M, ports, smallest=1e-20)
-        self.solves = self.visits = 0
+        self.solves = 0
+        self.visits = 0
         self._pencil = Pencil(M, K)
         self.shifts = np.zeros(1)
         for k in range(_static(tolerance)):
             fields = self.solve(0)
             gains = ports * fields  # b^T K^-1 b of each port b, before the sum
-            if k == 0 and np.any(gains.sum(axis=0) <= ROUND_OFF * np.abs(gains).sum(axis=0)):
+            least = ROUND_OFF * np.abs(gains).sum(axis=0)
+            if k == 0 and np.any(gains.sum(axis=0) <= least):
                 raise checks.InputError(
                     "-A is not positive definite (a static gain is not positive); is a boundary held?"
                 )
@@ -256,8 +283,9 @@ class CertifiedSpace(krylov.KrylovSpace):
     @property
     def defect(self) -> Array:
         """Defect K V Z - M V Z diag(rate) of the projection, shape (n, k)."""
-        Z, rate = self.projection.vectors, self.projection.rate
-        return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
+        Z = self.projection.vectors
+        flow = self.K @ (self.V @ Z)
+        return np.asarray(flow - (self.MV @ Z) * self.projection.rate)
 
     def solve(self, j: int) -> Array:
         """(K + s_j M)^-1 Q, shape (n, q), with Q what the basis leaves of the ports (`Projection.remainder`)."""
@@ -273,17 +301,19 @@ class CertifiedSpace(krylov.KrylovSpace):
         j = 1 + self.visits % self.growing
         self.visits += 1
         Y = self.projection.ports / (self.projection.rate + self.shifts[j])[:, None]
-        left = self.remainder - self.defect @ Y
-        left = left[:, np.linalg.norm(left, axis=0) > EXHAUSTED * np.linalg.norm(self.B, axis=0)]
-        self.solves += left.shape[1]
-        columns = self.apply(j, left)
-        return float(np.einsum("ij,ij->j", left, columns).max(initial=0.0)), columns
+        residual = self.remainder - self.defect @ Y
+        residual = residual[:, _left(residual, self.B)]
+        self.solves += residual.shape[1]
+        columns = self.apply(j, residual)
+        errors = np.einsum("ij,ij->j", residual, columns)
+        return float(errors.max(initial=0.0)), columns
 
     def apply(self, j: int, columns: Array) -> Array:
         """(K + s_j M)^-1 times columns."""
         if not columns.shape[1]:
             return columns
-        return np.column_stack([self._pencil.solve(self.shifts[j], 1.0, column) for column in columns.T])
+        shift = self.shifts[j]
+        return np.column_stack([self._pencil.solve(shift, 1.0, column) for column in columns.T])
 
     def solve_next(self) -> tuple[int, Array]:
         """Index of the next shift, and the solution there, which certifies the basis so far and then extends it."""
@@ -308,7 +338,8 @@ class CertifiedSpace(krylov.KrylovSpace):
 
 def _left(remainder: Array, ports: Array) -> NDArray[np.bool_]:
     """Which ports the basis does not contain up to round-off, shape (p,)."""
-    return np.asarray(np.linalg.norm(remainder, axis=0) > EXHAUSTED * np.linalg.norm(ports, axis=0))
+    least = EXHAUSTED * np.linalg.norm(ports, axis=0)
+    return np.asarray(np.linalg.norm(remainder, axis=0) > least)
 
 
 def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
@@ -318,15 +349,16 @@ def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
     """
     if remainder.shape[1] == 1:
         return remainder, np.eye(1)
-    left = _left(remainder, ports)
-    if not left.any():
+    outside = np.flatnonzero(_left(remainder, ports))
+    if not outside.size:
         return remainder, np.eye(remainder.shape[1])
-    size = np.linalg.norm(remainder[:, left], axis=0)
-    Q, T, order = qr(remainder[:, left] / size, mode="economic", pivoting=True)
-    kept = np.abs(T.diagonal()) > EXHAUSTED
-    shares = np.zeros((int(kept.sum()), remainder.shape[1]))
-    shares[:, np.flatnonzero(left)[order]] = T[kept] * size[order]
-    return np.ascontiguousarray(Q[:, kept]), shares
+    columns = remainder[:, outside]
+    size = np.linalg.norm(columns, axis=0)
+    Q, T, order = qr(columns / size, mode="economic", pivoting=True)
+    independent = np.abs(T.diagonal()) > EXHAUSTED
+    shares = np.zeros((int(independent.sum()), remainder.shape[1]))
+    shares[:, outside[order]] = T[independent] * size[order]
+    return np.ascontiguousarray(Q[:, independent]), shares
 
 
 def _static(tolerance: float) -> int:
@@ -343,7 +375,8 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> t
     strips, a rib, a heater and a disc need the fewest states at 1e-2..1e-7 (measured; flat within a factor 1.3). Down
     to 1e-4 two shifts are enough, below a third keeps the states few.
     """
-    slowest, fastest = projection.rate[0], float(np.max(krylov.slopes(M, ports) / projection.gain.diagonal()))
+    slowest = projection.rate[0]
+    fastest = float(np.max(krylov.slopes(M, ports) / projection.gain.diagonal()))
     if tolerance >= 1e-4:
         count = 2
         low = max(20.0, 40 * (1e-4 / tolerance) ** 0.22) * slowest
@@ -354,5 +387,6 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> t
         high = 1.1 * tolerance**-0.5 * fastest
     low = min(low, high / 10)
     # 200.0: between two shifts: beyond, the bound in their middle is three times the error (measured)
-    between = [np.sqrt(low * high)] if count == 2 and high > 200.0 * low else []
+    wide = count == 2 and high > 200.0 * low
+    between = [np.sqrt(low * high)] if wide else []
     return np.concatenate([[0.0], np.geomspace(low, high, count), between]), count

@@ -76,8 +76,7 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     powers = np.array([power / 2, power])
     z = system.thermal_resistance * powers
     rise = np.array([float(system.steady_rise(p)[0]) for p in powers])
-    coefficient = (rise - z) @ z**2 / (z**2 @ z**2)
-    return _mapped(linear, float(coefficient), float(rise[-1]), "output map of k(T) steady states")  # type: ignore[arg-type]
+    return _mapped(linear, z, rise, "output map of k(T) steady states")  # type: ignore[arg-type]
 
 
 def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> OutputMap:
@@ -98,16 +97,22 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     responses = responses_of(data)
     warn_of(responses)
     rate = 1 / np.asarray(linear.tau)
-    z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in responses])
+    parts = []
+    for d in responses:
+        phi = pole_responses(rate, d.wave, d.times, periodic=d.periodic)
+        parts.append(phi @ linear.gain)
     rise = np.concatenate([d.rise for d in responses])
-    coefficient = float((rise - z) @ z**2 / (z**2 @ z**2))
-    return _mapped(linear, coefficient, float(rise.max()), "output map of a linear model, fitted to data")
+    return _mapped(linear, np.concatenate(parts), rise, "output map of a linear model, fitted to data")
 
 
-def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str) -> OutputMap:
-    """The output map over a linear model, with the provenance of that model."""
-    origin = {**(linear.origin or {}), "method": method, "linear_method": (linear.origin or {}).get("method")}
-    return OutputMap(linear, coefficient, largest_rise, origin)
+def _mapped(linear: Foster, z: Array, rise: Array, method: str) -> OutputMap:
+    """The output map by least squares from the rises z of a linear model, with the provenance of that model."""
+    square = z**2
+    coefficient = float((rise - z) @ square / (square @ square))
+    origin = dict(linear.origin or {})
+    origin["linear_method"] = origin.get("method")
+    origin["method"] = method
+    return OutputMap(linear, coefficient, float(rise.max()), origin)
 
 
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:
@@ -190,33 +195,37 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     rate, V = _modes(system, np.column_stack(fields))
     model = _quadratic_form(system, rate, V, [(full, power), (half, power / 2)])
     between = 0.75 * power
-    error = abs(float(model.steady_rise(between)) / float(system.steady_rise(between)[0]) - 1)
+    exact = float(system.steady_rise(between)[0])
+    error = abs(float(model.steady_rise(between)) / exact - 1)
     return QuadraticReduction(replace(model, origin=system.linear.origin), rom, power, error, V).recorded()
 
 
 def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:
     """Rational Krylov basis of the heat equation linearised about a steady field; the Jacobian is symmetrised."""
     slope = system.flow.jacobian(steady)
+    linearised = replace(system.linear, A=-(slope + slope.T) / 2)
     # 0.1: tolerance of the reduction about the steady field: 4 to 6 vectors more
-    return reduce(replace(system.linear, A=-(slope + slope.T) / 2), 0.1).basis
+    return reduce(linearised, 0.1).basis
 
 
 def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
     """Rates in 1/s and M-orthonormal modes, shape (n, k), of the heat flow at small power in the span of ``fields``."""
-    E, A = system.linear.E, system.linear.A
-    fields = fields / np.sqrt(np.einsum("ij,ij->j", fields, E @ fields))
+    E = system.linear.E
+    squares = np.einsum("ij,ij->j", fields, E @ fields)
+    fields = fields / np.sqrt(squares)
     size, turn = np.linalg.eigh(fields.T @ (E @ fields))
-    kept = size > 1e-8 * size[-1]  # 1e-8 of the largest: below, a direction of the basis is in the span of the others
-    V = fields @ (turn[:, kept] / np.sqrt(size[kept]))
-    stiffness = -V.T @ (A @ V)
+    new = size > 1e-8 * size[-1]  # 1e-8 of the largest: below, a direction of the basis is in the span of the others
+    V = fields @ (turn[:, new] / np.sqrt(size[new]))
+    stiffness = -V.T @ (system.linear.A @ V)
     rate, Z = np.linalg.eigh(symmetric_part(stiffness))
     return rate, V @ Z
 
 
 def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list[tuple[Array, float]]) -> Quadratic:
     """The model of the module's docstring from modes and steady fields, the one at full power first."""
-    n, linear = rate.size, system.linear
-    full = steady[0][0]
+    n = rate.size
+    linear = system.linear
+    full, _ = steady[0]
     b = V.T @ linear.B[:, 0]
     c = V.T @ linear.C[0]
     z = V.T @ (linear.E @ full)
@@ -231,8 +240,9 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
     C = np.append(c, 0)
     H = np.zeros((n + 1, n + 1, n + 1))
     G = np.zeros((n + 1, n + 1))
-    H[:n, :n, :n] = (inflow + inflow.transpose(0, 2, 1)) / 2 - Q
-    H[:n, :n, :n] += np.einsum("ijk,j,klm->ilm", m, z / 2, Q, optimize=True)
+    symmetric = (inflow + inflow.transpose(0, 2, 1)) / 2
+    cubic = np.einsum("ijk,j,klm->ilm", m, z / 2, Q, optimize=True)
+    H[:n, :n, :n] = symmetric - Q + cubic
     G[:n, :n] = -(m @ b)
     H[n, :n, :n] = np.outer(c, c) * (rate[-1] / y)
     missing = []
@@ -241,8 +251,9 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
         rise = float(linear.C[0] @ x)
         state = np.append(V.T @ (linear.E @ x), rise**2 / y)
         driven = A @ state + (H @ state) @ state + power * (G @ state + B)
-        missing.append(-driven[:n] - state[n] * (N @ state[:n]))
-        terms.append([state[n] * rise, state[n] ** 2])
+        *modes, w = state
+        missing.append(-driven[:n] - w * (N @ modes))
+        terms.append([w * rise, w**2])
     p, q = np.linalg.solve(terms, missing)
     H[:n, :n, n] = (N + np.outer(p, c)) / 2
     H[:n, n, :n] = H[:n, :n, n]
@@ -252,20 +263,29 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
 
 def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """Q, shape (k, k, k): every law by the x^2 term of the cubic through it at its largest rise and at half of that."""
-    Q, T0 = np.zeros((V.shape[1],) * 3), system.flow.ambient
+    k = V.shape[1]
+    T0 = system.flow.ambient
+    shares = np.array([0.5, 1.0])
+    Q = np.zeros((k, k, k))
     for law, at, block in system.flow.parts():
         hottest = float(np.abs(steady[at]).max())
-        half, whole = law.integral(T0, hottest * np.array([0.5, 1.0])) / law.factor(T0) / hottest - [0.5, 1.0]
-        Q += (8 * half - whole) / hottest * cubic_form(block.T @ V, V[at])
+        integral = law.integral(T0, hottest * shares) / law.factor(T0)
+        half, whole = integral / hottest - shares
+        a = (8 * half - whole) / hottest
+        Q += a * cubic_form(block.T @ V, V[at])
     return Q
 
 
 def _content_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """m, shape (k, k, k): every law by its chord at the steady field, weighted with the adjoint of the read-out."""
-    m, T0 = np.zeros((V.shape[1],) * 3), system.content.ambient
+    k = V.shape[1]
+    T0 = system.content.ambient
+    m = np.zeros((k, k, k))
     adjoint = factorize(-system.linear.A.tocsc())(system.linear.C[0])
     for law, at, block in system.content.parts():
-        x, weight = steady[at], block.T @ adjoint
-        gamma = weight @ ((1 - law.factor(T0) / law.factor(T0 + x)) * x) / (weight @ (x * x))
+        x = steady[at]
+        weight = block.T @ adjoint
+        chord = 1 - law.factor(T0) / law.factor(T0 + x)
+        gamma = weight @ (chord * x) / (weight @ (x * x))
         m += gamma * cubic_form(block.T @ V, V[at])
     return m

@@ -25,8 +25,8 @@ from thermofem.models import HasModel
 
 from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover
 
-NOTHING = 1e-50  # of the entries of an input or output
-MOST = 300  # columns of the basis before a tolerance counts as out of reach
+ZERO_PORT = 1e-50  # of the entries of an input or output
+MOST_COLUMNS = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
 FEW = 4  # samples per decade for that
 
@@ -70,16 +70,20 @@ class Reduction(HasModel):
         from thermofem.data.display import card
 
         bound = f"below {self.error_bound:.1e} of R_th at every frequency"
-        return card("Reduction", [("error", bound), ("solves", str(self.solves))], self.model._repr_html_())
+        rows = [("error", bound), ("solves", str(self.solves))]
+        return card("Reduction", rows, self.model._repr_html_())
 
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        method = "rational Krylov reduction"
-        bound, shifts = self.error_bound, self.shifts.tolist()
-        ports = sorted({*self.model.inputs, *self.model.outputs})  # of one the bound is proven, see `Reduction`
-        made = {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts, "ports": ports}
-        return {**(self.model.origin or {}), **made}
+        return {
+            **(self.model.origin or {}),
+            "method": "rational Krylov reduction",
+            "tolerance": self.tolerance,
+            "error_bound": self.error_bound,
+            "shifts": self.shifts.tolist(),
+            "ports": sorted({*self.model.inputs, *self.model.outputs}),  # of one the bound is proven, see `Reduction`
+        }
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order).
@@ -117,22 +121,23 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     >>> rom.error_bound < 1e-4
     True
     """
-    found = project(system, tolerance)
-    projection, certificate = found.projection, found.certificate
-    shape = (found.read.size, found.heated.size)
-    scale = _scale(projection, found.pairs)
-    model, basis = _model(system, projection, found.basis, found.heated, found.read)
+    projected = project(system, tolerance)
+    certificate = projected.certificate
+    shape = (projected.read.size, projected.heated.size)
+    scale = _scale(projected.projection, projected.pairs)
+    model, basis = _model(system, projected)
+    of_channels = certificate.top / scale
     bound = (certificate.samples / scale).reshape(-1, *shape)
     return Reduction(
         model=replace(model, origin=system.origin),
-        error_bound=float(np.max(certificate.top / scale)),
-        channel_bounds=(certificate.top / scale).reshape(shape),
+        error_bound=float(of_channels.max()),
+        channel_bounds=of_channels.reshape(shape),
         frequency=certificate.omega / (2 * np.pi),
         bound=bound[:, 0, 0] if isinstance(model, Foster) else bound,
         basis=basis,
-        shifts=found.shifts,
+        shifts=projected.shifts,
         tolerance=float(tolerance),
-        solves=found.solves,
+        solves=projected.solves,
     ).recorded()
 
 
@@ -172,14 +177,13 @@ def project(system: StateSpace, tolerance: float) -> Projected:
 
 def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
     """Extend the basis until its certificate meets the tolerance."""
-    while space.order < MOST and not space.exhausted:
+    while space.order < MOST_COLUMNS and not space.exhausted:
         j, solution = space.solve_next()
         projection = space.projection
         scale = tolerance * _scale(projection, pairs)
         alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs, per_decade=FEW)
         if np.max(alone.samples / scale) <= PROMISING:
-            every = range(1, space.shifts.size)
-            solutions = [solution if i == j else space.solve(i) for i in every]
+            solutions = [solution if i == j else space.solve(i) for i in range(1, space.shifts.size)]
             certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
             if np.max(certificate.top / scale) <= 1:
                 share = leftover(projection, space.defect, 1 / space.M.diagonal())
@@ -194,12 +198,13 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
 
 def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
     """`_grow` where the remainder of the ports is lost in round-off: bounds from computed residuals and defects."""
-    reached, idle = np.inf, 0
+    reached = np.inf
+    idle = 0
     while True:
         error, columns = space.next_residual()
         projection = space.projection
         scale = tolerance * _scale(projection, pairs)
-        done = idle >= space.growing or space.order >= MOST
+        done = idle >= space.growing or space.order >= MOST_COLUMNS
         if done or error <= PROMISING * scale.min():
             parts = np.column_stack([space.remainder, space.defect])
             solutions = [space.apply(j, parts) for j in range(space.shifts.size)]
@@ -216,19 +221,24 @@ def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: f
 
 def _scale(projection: Projection, pairs: tuple[Indices, Indices]) -> Array:
     """Reference of relative errors of each channel in K/W: its static gain, at least 1e-6 of those of its two parts."""
-    gain, (a, b) = projection.gain, pairs
-    return np.maximum(np.abs(gain[a, b]), 1e-6 * np.sqrt(gain[a, a] * gain[b, b]))
+    a, b = pairs
+    gain = projection.gain
+    of_parts = np.sqrt(gain[a, a] * gain[b, b])
+    return np.maximum(np.abs(gain[a, b]), 1e-6 * of_parts)
 
 
-def _model(
-    system: StateSpace, projection: Projection, modes: Array, heated: Indices, read: Indices
-) -> tuple[Foster | StateSpace, Array]:
+def _model(system: StateSpace, projected: Projected) -> tuple[Foster | StateSpace, Array]:
     """The reduced model, and the basis that takes its states to those of the full system."""
-    rate, B, C = projection.rate[::-1], projection.ports[::-1, heated], projection.ports[::-1, read].T
+    rate = projected.projection.rate[::-1]
+    ports = projected.projection.ports[::-1]
+    B = ports[:, projected.heated]
+    C = ports[:, projected.read].T
+    modes = projected.basis[:, ::-1]
     names: dict[str, Any] = {"inputs": system.inputs, "outputs": system.outputs}
-    if heated.size == 1 and read.size == 1:
-        return Foster(R=C[0] * B[:, 0] / rate, tau=1 / rate, **names), modes[:, ::-1] / C[0]
-    return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, **names), modes[:, ::-1]
+    if len(system.inputs) == 1 and len(system.outputs) == 1:
+        R = C[0] * B[:, 0] / rate
+        return Foster(R=R, tau=1 / rate, **names), modes / C[0]
+    return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, **names), modes
 
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
@@ -239,17 +249,18 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):
-        if np.abs(column).max() < NOTHING:
+        if np.abs(column).max() < ZERO_PORT:
             raise checks.InputError("an input or output of the system is zero everywhere; is its part in the mesh?")
         same = [i for i, port in enumerate(ports) if np.array_equal(port, column)]
         if not same:
+            same = [len(ports)]
             ports.append(column)
-        where.append(same[0] if same else len(ports) - 1)
-    split = len(system.inputs)
-    return K, M, np.column_stack(ports), np.array(where[:split], dtype=np.intp), np.array(where[split:], dtype=np.intp)
+        where.append(same[0])
+    heated, read = np.split(np.array(where, dtype=np.intp), [len(system.inputs)])
+    return K, M, np.column_stack(ports), heated, read
 
 
-OWN = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
+OFF_DIAGONAL = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
 
 
 def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | Sequence[str]) -> xr.Dataset:
@@ -277,27 +288,34 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     """
     model: Any = reduction.model
     checks.instance("reduction.model", model, Foster, hint="reduce one channel, heat.channels(heated, read)")
-    heated, read = model.inputs[0], model.outputs[0]
+    (heated,) = model.inputs
+    (read,) = model.outputs
     d = heat.discretization
     b = d.means[heated][d.free]
     c = d.means[read][d.free]
-    V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
+    squares = np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis)
+    V = reduction.basis / np.sqrt(squares)
     rate = 1 / np.asarray(model.tau)
-    own = V.T @ (-heat.channels(heated, read).A @ V) / np.sqrt(np.outer(rate, rate))
-    if np.abs(own - np.eye(rate.size)).max() > OWN:
+    identity = np.eye(rate.size)
+    K = V.T @ (-heat.channels(heated, read).A @ V)
+    off = K / np.sqrt(np.outer(rate, rate)) - identity
+    if np.abs(off).max() > OFF_DIAGONAL:
         raise checks.InputError("the reduction is of another heat problem: its poles are not those of heat's matrices")
     changes, tangents = tangents_of(heat, parameters, (heated, read))
-    modal = ModalDerivative(rate, V.T @ b, V.T @ c, *on_modes(tangents, (heated, read), d.free, V))
+    slopes = on_modes(tangents, (heated, read), d.free, V)
+    modal = ModalDerivative(rate, V.T @ b, V.T @ c, *slopes)
     of_R, of_tau = modal.poles()
-    apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)
+    apart = np.abs(rate[:, None] / rate - 1) + identity
     # 1e-6: relative distance of neighbouring rates below which a pole is not simple
     double = apart.min(axis=1) < 1e-6
-    of_R[:, double], of_tau[:, double] = np.nan, np.nan
+    of_R[:, double] = np.nan
+    of_tau[:, double] = np.nan
+    units = [change.unit for change in changes]
     return xr.Dataset(
         {
             "R": (("parameter", "pole"), of_R, {"units": "K/W per unit of the parameter"}),
             "tau": (("parameter", "pole"), of_tau, {"units": "s per unit of the parameter"}),
             "thermal_resistance": ("parameter", modal.resistance(), {"units": "K/W per unit of the parameter"}),
         },
-        coords={"parameter": [one.name for one in changes], "unit": ("parameter", [one.unit for one in changes])},
+        coords={"parameter": [change.name for change in changes], "unit": ("parameter", units)},
     )
