@@ -1,6 +1,6 @@
 """Parameters of a ring from its cross-section, by mode calculation, each with its origin.
 
-    gamma_e = -(v_g/2L) ln(1 - kappa^2),     gamma_i = loss v_g/2,     v_g = c/n_g,     L = 2 pi R
+    gamma_e = -(v_g/2L) ln(1 - kappa^2),     gamma_i = loss v_g/2,     v_g = c/n_g,     L = 2 pi R + 2 straight
     w0: frequency nearest to the given wavelength at which n_eff R w/c is an integer
 
 Heat: (dn/dT) G = dn_eff/dT, so that w0 G/n_g (dn/dT) T is the shift by the temperature of the output "light".
@@ -102,7 +102,7 @@ class MadeRing:
             as `thermofem.optics.Mode.derivatives`.
         """
         at = _numbers(self.mode, self._loss, self._buses, self._rules)
-        order = round(self.mode.order)
+        order = _order(self.mode)
         varied = mode_derivatives.variations(self.mode.light, parameters)
         rows = []
         for one in varied:
@@ -110,7 +110,8 @@ class MadeRing:
             slopes["loss"] = one.change.optical.get(("light", "loss"), 0.0)
             for k, bus in enumerate(self._buses):
                 slopes[f"kappa {k}"] = bus.coupling.derivative(one, bus.name) if bus.coupling else 0.0
-            moved = fields_of({name: value + 1j * STEP * slopes[name] for name, value in at.items()}, order)
+            moved_numbers = {name: value + 1j * STEP * slopes[name] for name, value in at.items()}
+            moved = fields_of(moved_numbers, order, self.mode.light.geometry.straight)
             kappas = {name.replace(" ", "_"): slope for name, slope in slopes.items() if name.startswith("kappa")}
             rows.append({name: float(value.imag) / STEP for name, value in moved.items()} | kappas)
         return mode_derivatives.over_parameters(
@@ -147,7 +148,8 @@ def ring_from(
     Parameters
     ----------
     geometry : CrossSection or HeatProblem
-        a ring; its perimeter is 2 pi R.
+        a ring; its perimeter is 2 pi R, of a racetrack ([plan] straight) 2 pi R + 2 straight. The straights have the
+        mode of the bends, and radiate nothing; a bus runs along one of them.
     wavelength : float, m
         the resonance nearest to it is taken; default that of [light] in the geometry.
     loss : float, 1/m, or text such as "7 dB/cm"
@@ -157,7 +159,8 @@ def ring_from(
         of each bus, one of the two: its gap, from which kappa^2 is computed (within 20 %), or kappa^2; default the
         [[bus]] tables of the geometry.
     straight : float, m
-        length of each of two straight sections of a racetrack with that perimeter; its bends have R - straight/pi.
+        of a circle's geometry that stands for a racetrack of the same perimeter: length of each of two straight
+        sections beside the buses; the bends have R - straight/pi.
     buses : int
         1 or 2; default 2, or as many as [[bus]] tables.
     base : RingResonator
@@ -191,8 +194,9 @@ def ring_from(
     base = base_of(base, section.material_of(found.core), found.wavelength)
     rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
     made = _buses(found, gap, coupling, straight, buses)
-    fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), round(found.order))
-    fields["scattering_rate"] = found.radiation_rate + found.leak_rate
+    fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), _order(found), section.straight)
+    bent = 2 * math.pi * found.radius / section.path_length(found.radius)
+    fields["scattering_rate"] = found.radiation_rate * bent + found.leak_rate
     fields["read"] = LIGHT
     fields["mode"] = GuidedMode(found.name, found.wavelength)
     _tell_ambient(found, base)
@@ -218,12 +222,18 @@ def _numbers(mode: Mode, loss: float, buses: Sequence[_Bus], rules: dict[str, bo
     return mode_derivatives.numbers(mode, **rules) | {"loss": loss} | kappas
 
 
-def fields_of(n: Mapping[str, Any], order: int) -> dict[str, Any]:
+def _order(mode: Mode) -> int:
+    """Number of wavelengths around the ring, n_eff L/lambda, rounded."""
+    return round(mode.n_eff * mode.light.geometry.path_length(mode.radius) / mode.wavelength)
+
+
+def fields_of(n: Mapping[str, Any], order: int, straight: float = 0.0) -> dict[str, Any]:
     """Fields of a ring by name, at resonance order ``order``, from mode, loss and buses; real or complex (derivatives).
 
     n: as `thermofem.optics.mode_derivatives.numbers`, and loss [1/m], "kappa 0" and "kappa 1" (kappa^2).
+    straight [m]: length of each of the two straights of a racetrack.
     """
-    length = 2 * math.pi * n["radius"]
+    length = 2 * math.pi * n["radius"] + 2 * straight
     speed = c / n["n_g"]
     rates = [-speed / (2 * length) * np.log1p(-n[name]) for name in n if name.startswith("kappa")]
     return {
@@ -250,7 +260,7 @@ def _origins(ring: RingResonator, base: RingResonator, mode: Mode, buses: Sequen
     away = (ring.frequency - c / mode.wavelength) / 1e9
     drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
     words = {
-        "frequency": (f"{computed}, order {round(mode.order)}, {away:.3g} GHz away", error),
+        "frequency": (f"{computed}, order {_order(mode)}, {away:.3g} GHz away", error),
         "bus_rate": (buses[0].origin, buses[0].error),
         "drop_rate": drop,
         "loss_rate": ("given: loss times v_g/2", error),
@@ -372,8 +382,10 @@ def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str
     numbers = {"shift_per_kelvin": ring.shift_per_kelvin, "shift_per_watt": ring.shift_per_kelvin * R}
     text = (getattr(model, "origin", None) or {}).get("geometry")
     section = th.CrossSection.from_toml_text(text) if text else None
-    cores = [one for one in section.parts if one.name == part] if section and section.kind == "ring" else []
+    if section is None or section.kind != "ring":
+        return numbers
+    cores = [one for one in section.parts if one.name == part]
     if cores and R > 0:
-        length = math.pi * (cores[-1].inner_radius + cores[-1].outer_radius)
+        length = section.path_length((cores[-1].inner_radius + cores[-1].outer_radius) / 2)
         numbers["pi_power"] = math.pi * c / (ring.group_index * length * ring.thermal_shift * R)
     return numbers

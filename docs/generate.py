@@ -39,6 +39,7 @@ WORDS: dict[str, dict[str, str]] = {
         "material": "`[material.NAME]`: changes or adds a material",
         "light": "what guides, and at which wavelength; `light` can then be read like a part",
         "bus": "one or two straight buses beside the ring",
+        "plan": "the ring seen from above",
     },
     "[[layer]]": {
         "name": "**required**; layers and parts share one set of names",
@@ -89,6 +90,9 @@ WORDS: dict[str, dict[str, str]] = {
         "straight": "length of the straight section over which a racetrack couples; default 0",
         "width": "default that of the ring's guide; another one is refused",
     },
+    "[plan]": {
+        "straight": "makes the ring a racetrack: length of each of its two straights; its bends are the ring",
+    },
     COEFFICIENT: dict.fromkeys(geometry_file._COEFFICIENT, "**required**; a side has one such key"),
     "[material.NAME]": {
         "conductivity": "text with a unit or a table, see below; required for a new material",
@@ -111,6 +115,7 @@ SCHEMA: dict[str, dict[str, str]] = {
     "[boundary]": geometry_file._BOUNDARY,
     "[light]": geometry_file._LIGHT,
     "[[bus]]": geometry_file._BUS,
+    "[plan]": geometry_file._PLAN,
     COEFFICIENT: geometry_file._COEFFICIENT,
     "[material.NAME]": geometry_file._MATERIAL,
 }

@@ -1,12 +1,15 @@
 """``thermofem reduce``: geometry in, certified reduced model out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 import surrogate
 import thermofem as th
+from surrogate.reduction.racetrack_reduction import reduce_racetrack
 from surrogate.studies.inverse_search import channel_steps
 from thermofem import InputError, checks
 from thermofem.data import files, quantity
@@ -48,6 +51,9 @@ def reduce(
         options.unused(context, why, "heated", "read", "positions", "accuracy", "mesh")
         return _layout(geometry, max(tolerance, LAYOUT), output)
     section = section_of(geometry)
+    if section.straight:
+        options.unused(context, "has no effect on a racetrack: --tolerance has the mesh, too", "accuracy")
+        return _racetrack(section, max(tolerance, LAYOUT), heated, read, positions, output)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy, mesh=mesh)
         names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
@@ -78,6 +84,66 @@ def reduce(
         "rise_time": _over(rows, names, outputs, "rise_time"),
         "model": output,
     }
+
+
+def _racetrack(
+    section: th.CrossSection,
+    tolerance: float,
+    heated: str | None,
+    read: str | None,
+    positions: Path | None,
+    output: Path,
+) -> dict[str, Any]:
+    """Reduce a ring with [plan] straight: inputs its heated parts, outputs the same and the light."""
+    if positions is not None:
+        raise InputError(
+            f"--positions: {section.name!r} is a racetrack",
+            "an array of racetracks is a layout, with a table [[shape]] for each",
+        )
+    with working("solving the section and the path of the racetrack"):
+        made = reduce_racetrack(section, tolerance)
+    whole = made.model
+    names = [name.strip() for name in heated.split(",")] if heated else [whole.inputs[0]]
+    for name in names:
+        checks.choice("--heated", name, whole.inputs)
+    light = [LIGHT] if LIGHT in whole.outputs else []
+    outputs = [name.strip() for name in read.split(",")] if read else [*names[:1], *light]
+    for name in outputs:
+        checks.choice("--read", name, whole.outputs, hint="a racetrack has its heated parts, and light")
+    rows = [whole.outputs.index(name) for name in outputs]
+    columns = [whole.inputs.index(name) for name in names]
+    model = replace(whole, B=whole.B[:, columns], C=whole.C[rows], inputs=tuple(names), outputs=tuple(outputs))
+    bound = float(made.channel_bounds[np.ix_(rows, columns)].max())
+    provenance = {
+        "method": "racetrack reduction",
+        "tolerance": tolerance,
+        "error_bound": bound,
+        "geometry": section.to_toml(),
+        "ports": names,
+    }
+    surrogate.save_model(model, output, provenance=provenance)
+    length = quantity.rounded(section.path_length(_radius(section, whole.inputs[0])), "m", 5)
+    say(f"racetrack of {length}: {model.order} states, error of Z(f) below {bound:.1e} of R_th")
+    steps = channel_steps(model) or []
+    for row in steps:
+        channel = f" from {row['heated']} to {row['read']}"
+        rise = written(row["rise_time"], "s")
+        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{channel}, rise 10-90 % in {rise}")
+    wrote(output)
+    return {
+        "poles": model.order,
+        "error_bound": bound,
+        "heated": names,
+        "read": outputs,
+        "thermal_resistance": _over(steps, names, outputs, "thermal_resistance"),
+        "rise_time": _over(steps, names, outputs, "rise_time"),
+        "model": output,
+    }
+
+
+def _radius(section: th.CrossSection, name: str) -> float:
+    part = next(part for part in section.parts if part.name == name)
+    return (part.inner_radius + part.outer_radius) / 2
 
 
 def _over(rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], name: str) -> float | list[list[float]]:

@@ -59,7 +59,7 @@ def show(
         section = th.CrossSection.from_toml(file)
         for line in filter(None, section.to_toml().splitlines()):
             say(line)
-        if section.light is None or len(section.heated) < 2:
+        if section.light is None or len(section.heated) < 2 or section.straight:
             return {"geometry": section.to_toml()}
         with working("solving light and heat"):
             heat = th.assemble(section)

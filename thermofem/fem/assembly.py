@@ -103,7 +103,16 @@ def _corner(estimate: Estimate) -> str:
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int = 2) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`surfaces.split`)."""
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`surfaces.split`).
+
+    Raises InputError: a racetrack, which is not axisymmetric.
+    """
+    if geometry.straight:
+        raise checks.InputError(
+            f"{geometry.name!r} is a racetrack ([plan] straight), and the FEM solves circles",
+            "`thermofem reduce` makes its model for simulate and others, surrogate.reduce_layout(th.read_layout(file)) "
+            "in Python; without [plan] it is a circle",
+        )
     mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     surfaces = surfaces_of(geometry, mesh, resistances(geometry))
     discretization = discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree)
@@ -260,7 +269,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3, *, mesh: Mesh | str
     Raises
     ------
     InputError
-        accuracy out of range; a mesh with other names, or that does not fill the domain of the geometry.
+        accuracy out of range; a racetrack; a mesh with other names, or that does not fill the domain of the geometry.
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
@@ -321,8 +330,10 @@ def light(
     """
     hint = "th.strip_ring() is a geometry, th.assemble(geometry) a heat problem"
     checks.instance("section", section, CrossSection, HeatProblem, hint=hint)
-    heat = section if isinstance(section, HeatProblem) else meshed(section, DRAWN)[0]
-    return Light.of(heat, wavelength, part, order)
+    if isinstance(section, HeatProblem):
+        return Light.of(section, wavelength, part, order)
+    circle = meshed(replace(section, straight=0.0), DRAWN)[0]
+    return replace(Light.of(circle, wavelength, part, order), geometry=section)
 
 
 def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatProblem:

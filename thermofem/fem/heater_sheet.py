@@ -29,7 +29,7 @@ def heater_sheet(heat: HeatProblem, heater: str | None = None) -> dict[str, floa
         raise checks.InputError(f"{heat.geometry.name!r} has no light, whose phase a heater moves", hint)
     heaters = [name for name in heat.heated if name != light.core]
     heater = checks.choice("heater", heater, heaters, default=next(iter(heaters), None))
-    length = heat.geometry.length or 2 * math.pi * light.radius
+    length = heat.geometry.length or heat.geometry.path_length(light.radius)
     to_light = heat.lit.thermal_resistance(heater, "light")
     shift_per_kelvin = light.wavelength * light.thermo_optic
     free_spectral_range = c / (light.n_g * length)

@@ -63,6 +63,9 @@ class CrossSection:
         what guides, and at which wavelength; "light" can then be read like a part: the temperature that the mode sees.
     buses : tuple of Bus
         none, one or two.
+    straight : float, m
+        length of each of the two straights of a racetrack, whose bends are the ring; 0 is a circle. The FEM solves
+        circles: heat of a racetrack is that of `surrogate.reduce_layout`, from `read_layout` of its file.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class CrossSection:
     half_width: float | None = None
     light: Guide | None = None
     buses: tuple[Bus, ...] = ()
+    straight: float = 0.0
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -121,10 +125,26 @@ class CrossSection:
             raise checks.InputError(f'{self.name!r}: length and half_width belong to kind = "straight"')
         else:
             length("outer_radius", self.outer_radius, typical=60e-6)
+        self._check_plan()
         for part in self.parts:
             if part.straight != (self.kind == "straight"):
                 given = "x and width" if self.kind == "straight" else "radius and width, or inner_radius, outer_radius"
                 raise checks.InputError(f"part {part.name!r} of a {self.kind} section needs {given}")
+
+    def _check_plan(self) -> None:
+        """Check that a racetrack has bends, and nothing that its straights would not have."""
+        hint = section_parts.slip(self.straight, 3e-6)
+        checks.between("[plan]: straight", self.straight, 0.0, 1e-2, unit="m", hint=hint)
+        if not self.straight:
+            return
+        if self.kind == "straight":
+            raise checks.InputError(f'{self.name!r}: [plan] straight belongs to a ring, not to kind = "straight"')
+        disc = next((part.name for part in self.parts if not part.inner_radius), None)
+        if disc is not None:
+            raise checks.InputError(f"{self.name!r}: the disc {disc!r} has no straights; leave out [plan] straight")
+        copy = next((probe.name for probe in self.probes), None)
+        if copy is not None:
+            raise checks.InputError(f"{self.name!r}: probe {copy!r} is one of a circle; a racetrack reads parts alone")
 
     def _check_names(self) -> None:
         data = [layer.name for layer in self.layers if layer.datum]
@@ -221,8 +241,14 @@ class CrossSection:
         return tuple(self.volumes())
 
     def volumes(self) -> dict[str, float]:
-        """Exact volume of every region in m^3: the integral of 2 pi r, or of the length, over its faces."""
-        return self.subdivision.volumes(self.depth)
+        """Exact volume of every region in m^3: integral over its faces of 2 pi r + 2 ``straight``, or of the length."""
+        volumes = self.subdivision.volumes(self.depth)
+        along = self.subdivision.volumes(2 * self.straight)
+        return {name: volume + along[name] for name, volume in volumes.items()} if self.straight else volumes
+
+    def path_length(self, radius: float) -> float:
+        """Length in m of a closed line whose bends have a radius in m: 2 pi R, and the straights of a racetrack."""
+        return 2 * math.pi * radius + 2 * self.straight
 
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""

@@ -39,6 +39,7 @@ _TOP = {
     "material": TABLE,
     "light": TABLE,
     "bus": TABLES,
+    "plan": TABLE,
 }
 _SIZES = {"ring": ("outer_radius",), "straight": ("length", "half_width")}
 _LAYER = {"name": TEXT, "material": TEXT, "thickness": "m", "datum": FLAG}
@@ -62,6 +63,7 @@ _PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
 _LIGHT = {"wavelength": "m", "part": TEXT, "polarisation": TEXT, "loss": "1/m"}
 _BUS = {"name": TEXT, "gap": "m", "straight": "m", "width": "m"}
+_PLAN = {"straight": "m"}
 _COEFFICIENT = {kind: law.unit for kind, law in Boundary.KINDS.items() if law.unit is not None}
 _OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
 _SCALARS = {**_OPTICAL, "resistivity": "ohm*m"}  # of a material, where it has them
@@ -69,7 +71,7 @@ _MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "so
 
 UNITS = {
     key: unit
-    for keys in (_TOP, _LAYER, _INTERFACE, _PART, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS)
+    for keys in (_TOP, _LAYER, _INTERFACE, _PART, _PROBE, _COEFFICIENT, _MATERIAL, _LIGHT, _BUS, _PLAN)
     for key, unit in keys.items()
     if unit in quantity.SI
 } | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
@@ -129,6 +131,7 @@ def fields(text: str) -> dict[str, Any]:
     values["ambient"] = top.get("ambient", 293.15)
     values["light"] = _light(top["light"], top["part"]) if "light" in top else None
     values["buses"] = _each(top, "bus", _BUS, Bus, ("gap",))
+    values |= read_table(top.get("plan", {}), _PLAN, "[plan]")
     return values
 
 
@@ -236,6 +239,7 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
     if geometry.light is not None:
         tables["light"] = _texts(asdict(geometry.light))
     tables["bus"] = [_texts(asdict(bus)) for bus in geometry.buses]
+    tables["plan"] = _texts({"straight": geometry.straight or None})
     return {key: table for key, table in tables.items() if table}
 
 

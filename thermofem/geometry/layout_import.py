@@ -2,6 +2,7 @@
 
 A layout file is a geometry file with ``kind = "straight"``, whose layers and parts are the section. It has a table for
 each shape, with name, part, and either radius, straight and at (a racetrack), or path, or outline; or a table [gds].
+A file of a ring with [plan] straight is the layout of that one racetrack, with its heated parts as shapes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ..arrays import Array
 from ..data import files, quantity
 from ..data.files import ANY, TEXT, read_table
 from .cross_section import CrossSection
-from .shapes import UM, Shape, racetrack
+from .shapes import UM, Shape, along_ring, racetrack
 
 log = logging.getLogger("thermofem")
 
@@ -157,6 +158,8 @@ def _of_text(text: str, folder: Path) -> tuple[Shape, ...]:
         values = read_table(gds, _GDS, "[gds]", required=("file", "layers"))
         layers = checks.mapping("[gds]: layers", values["layers"], hint="such as { core = [1, 0] }")
         shapes += read_layout(folder / values["file"], layers, section)
+    if section.straight and not shapes:
+        return along_ring(section)
     if not shapes:
         raise checks.InputError("a layout needs [[shape]] tables, or a table [gds] with file and layers")
     return shapes

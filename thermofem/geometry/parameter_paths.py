@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 # lists of tables, and what names one
 _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part", "bus": "name"}
-_TABLES = ("material", "boundary", "light")
+_TABLES = ("material", "boundary", "light", "plan")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
 _CENTRE = ("radius", "width")
 _EDGES = ("inner_radius", "outer_radius")
@@ -95,7 +95,7 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
         return item, key
     if not kind and key not in (*_NAMED, *_TABLES):
         return table, key
-    if kind in ("boundary", "light") and not name:
+    if kind in ("boundary", "light", "plan") and not name:
         return table.setdefault(kind, {}), key
     if kind == "boundary":
         sides = table.setdefault(kind, {})

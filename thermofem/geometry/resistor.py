@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,7 +48,7 @@ def resistor_of(geometry: CrossSection, name: str) -> Resistor:
     width = part.outer_radius - part.inner_radius
     length = geometry.length
     if length is None:
-        length = math.pi * (part.inner_radius + part.outer_radius)
+        length = geometry.path_length((part.inner_radius + part.outer_radius) / 2)
     origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)}"
     return Resistor(resistivity * length / (width * part.height), part.tcr, origin)
 

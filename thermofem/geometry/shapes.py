@@ -217,6 +217,38 @@ def racetrack(
     return Shape(name, section, path=corners + middle, part=part)
 
 
+def along_ring(ring: CrossSection) -> tuple[Shape, ...]:
+    """The heated parts of a ring as racetracks with its ``straight``, in the section of the ring made straight.
+
+    The first heated part is at x = 0. Names are those of the parts; other parts follow each of them.
+    """
+    first = next(part for part in ring.parts if part.heated)
+    middle = (first.inner_radius + first.outer_radius) / 2
+    radius = {part.name: (part.inner_radius + part.outer_radius) / 2 for part in ring.parts}
+    parts = tuple(
+        replace(
+            part,
+            x=radius[part.name] - middle,
+            width=part.outer_radius - part.inner_radius,
+            inner_radius=math.nan,
+            outer_radius=math.nan,
+        )
+        for part in ring.parts
+    )
+    section = replace(
+        ring,
+        kind="straight",
+        parts=parts,
+        length=ring.path_length(middle),
+        half_width=ring.outer_radius,
+        straight=0.0,
+        buses=(),
+    )
+    return tuple(
+        racetrack(name, section, radius=radius[name], straight=ring.straight, part=name) for name in ring.heated
+    )
+
+
 def _points(what: str, value: ArrayLike, least: int) -> Array:
     points = checks.numbers(what, value, hint="points (x, y) in m")
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least:

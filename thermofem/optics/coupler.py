@@ -171,7 +171,11 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
 
 
 def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
-    """The couplings of [[bus]] tables; InputError where one has another width than the ring."""
+    """The couplings of [[bus]] tables; a bus beside a racetrack runs along one of its straights.
+
+    Raises InputError: a bus of another width than the ring, or of another straight section than the racetrack.
+    """
+    racetrack = mode.light.geometry.straight
     inner, outer = mode.light.walls
     width = outer - inner
     couplers = {}
@@ -182,11 +186,16 @@ def of_buses(mode: Mode, buses: Sequence[Bus]) -> list[Coupling]:
                 "guides are not computed",
                 "give coupling, the power that the bus takes in one pass",
             )
-        lengths = bus.gap, bus.straight
+        if racetrack and bus.straight not in (0.0, racetrack):
+            raise checks.InputError(
+                f"bus {bus.name!r}: straight = {bus.straight:g} m, and [plan] has {racetrack:g} m",
+                "leave one of them out",
+            )
+        lengths = bus.gap, racetrack or bus.straight
         if lengths not in couplers:
-            bend = mode.radius - bus.straight / math.pi
+            bend = mode.radius if racetrack else mode.radius - bus.straight / math.pi
             couplers[lengths] = coupling(mode, *lengths, radius=bend)
-    return [couplers[bus.gap, bus.straight] for bus in buses]
+    return [couplers[bus.gap, racetrack or bus.straight] for bus in buses]
 
 
 def supermodes(mode: Mode, gap: float, straight: float, bend: float, window: Window, beyond: Array) -> Coupling:

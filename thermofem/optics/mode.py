@@ -302,7 +302,7 @@ class Mode:
         power : int
             2 or 3.
         length : float, m
-            2 pi R of a ring, and the length of a straight section, where it is not given.
+            by default the perimeter of a ring (`CrossSection.path_length`), or the length of a straight section.
         dispersion : bool
             n n_g of the material in place of n^2 in the numerators: the stored energy with dispersion; silicon +7 %.
         spread_carriers : bool
@@ -312,7 +312,7 @@ class Mode:
         """
         checks.integer("power", power, 2, 3)
         if length is None:
-            length = self.light.geometry.length or 2 * math.pi * self.radius
+            length = self.light.geometry.length or self.light.geometry.path_length(self.radius)
         else:
             length = checks.positive("length", length, unit="m")
         if power == 3 and spread_carriers:

@@ -12,6 +12,7 @@ difference, with an error of `STRAIN` squared.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -251,7 +252,8 @@ def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
     before = numbers(behind, **rules)
     after = numbers(ahead, **rules)
     row = {name: (value - before[name]) / (2 * h) for name, value in after.items()}
-    longer = row["n_eff"] + mode.n_eff * one.centre / mode.radius
+    stretch = 2 * math.pi * one.centre / mode.light.geometry.path_length(mode.radius)
+    longer = row["n_eff"] + mode.n_eff * stretch
     row["radius"] = one.centre
     row["resonance_wavelength"] = 0.0 if one.wavelength else mode.wavelength * longer / mode.n_g
     return row

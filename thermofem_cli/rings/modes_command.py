@@ -31,11 +31,13 @@ def modes(
     section = section_of(geometry)
     check_outputs([figure], images=[figure], inputs=[geometry])
     with working("solving"):
-        light = th.light(
-            th.assemble(replace(section, light=None), accuracy),
+        plain = replace(section, light=None)
+        bends = th.light(
+            th.assemble(replace(plain, straight=0.0), accuracy),
             wavelength=wavelength_of(section, wavelength),
             part=section.light.part if section.light else None,
         )
+        light = replace(bends, geometry=plain)
         found = light.modes
         first = light.mode(found[0].name if found else None)  # without any, the error says why
     numbers = [_numbers(mode) for mode in found]
@@ -173,7 +175,9 @@ def ring(
     )
     say(f"bus: {made.origins['bus_rate']}")
     sheets: dict[str, Any] = {}
-    if len(section.heated) > 1:
+    if section.straight and len(section.heated) > 1:
+        note("no data sheet of heaters: that of a racetrack is `thermofem reduce --heated HEATER --read light`")
+    elif len(section.heated) > 1:
         with working("solving the heat"):
             heat = th.assemble(replace(section, light=None)).with_light(made.mode)
         sheets = say_sheets(heat)
