@@ -52,7 +52,9 @@ def reduce(
         return _layout(geometry, max(tolerance, LAYOUT), output)
     section = section_of(geometry)
     if section.straight:
-        options.unused(context, "has no effect on a racetrack: --tolerance has the mesh, too", "accuracy")
+        options.unused(
+            context, "has no effect on a racetrack, whose section gets a mesh for --tolerance", "accuracy", "mesh"
+        )
         return _racetrack(section, max(tolerance, LAYOUT), heated, read, positions, output)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy, mesh=mesh)
