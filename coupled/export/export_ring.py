@@ -4,19 +4,24 @@ A format joins by a function ``write(ring, model, target, run)`` and one line in
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks
+from thermofem import InputError, StateSpace, checks
+from thermofem.export.fmi_unit import DURATION
 from thermofem.export.formats import Format, checked
 from thermofem.models import ThermalModel
 from thermofem.ring_temperature import GuidedMode, check_read
 
 from ..circuit import Circuit
 from ..resonator import RingResonator
+from ..runs.pulsing import Regime, pulsing
+from ..runs.simulate import simulate
+from ..thermal import as_read, without_origin
 from . import ring_fmu, ring_spice, ring_verilog_a
 from .lit_part import LitPart, lit_part
-from .ring_ports import demonstration
+from .ring_ports import Demonstration, demonstration
 
 FORMATS = {
     "spice": Format(".cir", ring_spice.write, ".cir"),
@@ -83,7 +88,21 @@ def export_ring(
         raise checks.InputError(f"path = {export.target.path}: a circuit goes into spice, not into other formats")
     run = None if power is None else demonstration(power, detuning, period)
     _check_read(ring, export.model, export.provenance)
+    if run is not None and run.period is None and isinstance(ring, RingResonator):
+        run = replace(run, rests=_rests(ring, export.model, run))
     return export.format.write(ring, export.model, export.target, run)
+
+
+def _rests(ring: RingResonator, model: Any, run: Demonstration) -> bool:
+    """Whether a demonstration is at rest at its end; False where `simulate` does not take the model."""
+    small = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
+    try:
+        trace = simulate(
+            as_read(ring, small), without_origin(small), power=run.power, detuning=run.detuning, duration=DURATION
+        )
+    except InputError:
+        return False
+    return bool(pulsing(trace).regime == Regime.STABLE)
 
 
 def _check_read(light: RingResonator | Circuit, model: Any, origin: Mapping[str, Any]) -> None:

@@ -63,15 +63,20 @@ class Demonstration:
 
     power [W], detuning [Hz]: of the laser, on from t = 0.
     period [s]: of the settled pulsation, or None where it is not known or the ring does not pulse.
+    rests: whether the ring is known to come to rest; then no step need be shorter than a row of the table. Measured
+        at .2 and 1 mW: within 3e-4 of the largest value, from two rows on.
     """
 
     power: float
     detuning: float
     period: float | None
+    rests: bool = False
 
     def largest_step(self, rates: Rates) -> float:
         """Largest step in s that the simulator may take."""
-        return self.period / STEPS_A_PERIOD if self.period else rates.tau0 * NS / STEPS_A_LIFETIME
+        if self.period:
+            return self.period / STEPS_A_PERIOD
+        return self.row() if self.rests else rates.tau0 * NS / STEPS_A_LIFETIME
 
     def row(self) -> float:
         """Interval of the rows of the output table in s: a 100th of the period in whole ns, 1 to 4; else 4 ns."""
@@ -81,6 +86,8 @@ class Demonstration:
         """Text that says how the largest step was chosen."""
         if self.period:
             return f"settled period {self.period:.9g} s / {STEPS_A_PERIOD}"
+        if self.rests:
+            return "a row of the table; the ring comes to rest"
         return f"carrier lifetime / {STEPS_A_LIFETIME}; the period is not known"
 
 

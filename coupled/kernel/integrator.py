@@ -16,6 +16,7 @@ interpreter's lock meanwhile; two threads must not use the same `Problem`.
 from __future__ import annotations
 
 import ctypes as c
+import math
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -365,6 +366,8 @@ class Problem:
             loop.stop = int(event.stop)
             loop.seen = 0.0 if event.above else np.inf
         room = _Room(self, loop, times, keep_steps)
+        if event is None or not event.stop:
+            room.check(longest)
         crossings: list[float] = []
         budget = 1000
         began = time.perf_counter()
@@ -484,6 +487,20 @@ class _Room:
         self.loop.room = len(self.steps)
         steps = _pointer(self.steps) if self.keep_steps else None
         return _pointer(self.rows), _L(len(self.rows)), _pointer(self.times), _L(self.count), steps
+
+    def check(self, longest: float) -> None:
+        """Raise InputError before a run whose shortest possible sequence of steps is too long, or fills the memory.
+
+        longest [ns]: upper bound of a step; steps end at the breakpoints of the drive, too.
+        """
+        edges = self.problem.edges
+        least = max(len(edges) - 1, math.ceil((edges[-1] - edges[0]) / longest))
+        reason = f"{least:.3g} steps at least, as none is longer than {longest:.3g} ns or passes a breakpoint"
+        if least > MAX_STEPS:
+            raise InputError(f"duration: the run takes {reason}; at most {MAX_STEPS} are possible")
+        doublings = max(int(math.log2(MOST_NUMBERS / self.rows.size)), 0)
+        if not self.count and least * self.loop.per_step > len(self.rows) << doublings:
+            raise InputError(f"times: the run takes {reason}, whose rows do not fit into the memory; give times")
 
     def _remember(self, past: Array, filled: int) -> None:
         self.past = past

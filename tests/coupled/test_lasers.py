@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import coupled
 import thermofem as th
 from coupled.carriers import carrier_decay
+from coupled.kernel import integrator
 
 RING = replace(coupled.borghi2021(), kerr_coefficient=4.5e-18)
 NEXT = replace(RING, frequency=RING.frequency + 1.5e12, bus_rate=35e9, loss_rate=7e9)
@@ -163,3 +164,26 @@ def test_an_event_of_the_first_field_under_two_lasers():
     at = np.interp(level, whole["energy"].values[:50], whole["time"].values[:50])  # rising
     assert run.attrs["crossings"][0] == pytest.approx(at, rel=1e-4)
     assert float(run["energy"][-1]) == pytest.approx(level, rel=1e-7)
+
+
+def test_a_beat_of_too_many_steps_is_refused_before_the_run():
+    """A step lasts a tenth of a beat at most: 10 x 1 GHz x 2.1 ms are 2.1e7 steps, of 2e7 that are possible."""
+    reached = []
+    run = {"power": 1e-3, "duration": 2.1e-3, "times": [0.0, 1e-3], "progress": reached.append}
+    with pytest.raises(th.InputError, match=r"takes 2\.1e\+07 steps at least, as none is longer than 0\.1 ns"):
+        coupled.simulate(RING, NETWORK, lasers=[coupled.Laser(1e-3, 1e9)], **run)
+    assert not reached
+
+
+def test_a_beat_that_does_not_fit_into_the_memory_is_refused_before_the_run(monkeypatch):
+    """10 x 1 GHz x 1 us are 10,000 rows; there is room for 8192 where 50,000 numbers are allowed: 5 or 6 a row."""
+    monkeypatch.setattr(integrator, "MOST_NUMBERS", 50_000)
+    reached = []
+    run = {"power": 1e-3, "duration": 1e-6, "progress": reached.append}
+    beat = [coupled.Laser(1e-3, 1e9)]
+    with pytest.raises(th.InputError, match=r"takes 1e\+04 steps at least.*do not fit into the memory; give times"):
+        coupled.simulate(RING, NETWORK, lasers=beat, **run)
+    assert not reached
+    assert coupled.simulate(RING, NETWORK, lasers=beat, times=[0.0, 1e-6], **run).sizes["time"] == 2
+    stopping = coupled.Event("energy", 1e-16)
+    assert coupled.simulate(RING, NETWORK, lasers=beat, event=stopping, **run).attrs["crossings"].size == 1

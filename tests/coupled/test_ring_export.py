@@ -312,3 +312,36 @@ def test_circulax_integrates_the_component_of_the_examples():
     (phase,) = found["run"](heater, {"v": 1.0}, ("phase",), times, 1e-9)
     exact = 1e-2 * SECOND.step_response(times) / 500.0
     assert np.abs(phase - exact).max() < 2e-4 * exact.max()
+
+
+def step_of(folder):
+    """Largest step in s of a deck for ngspice."""
+    line = re.search(r"^tran \S+ \S+ 0 (\S+)$", (folder / "ring_demo.cir").read_text(), re.MULTILINE)
+    return float(line[1])
+
+
+def test_the_step_follows_what_moves(tmp_path):
+    """At rest a row of the table, 4 ns; a ring that pulses without a given period keeps a 20th of the lifetime."""
+    quick = replace(coupled.borghi2021(), carriers=coupled.ConstantLifetime(1e-9))
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    coupled.export_ring(quick, model, tmp_path / "ring.cir", power=1e-6, detuning=-5e9)
+    assert step_of(tmp_path) == 4e-9
+    coupled.export_ring(coupled.borghi2021(), model, tmp_path / "ring.cir", power=6.31e-3)
+    assert step_of(tmp_path) == pytest.approx(coupled.borghi2021().carriers.tau0 / 20, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not installed")
+def test_a_quiet_ring_in_long_steps(tmp_path):
+    """Cold Lorentzian in ngspice: P_drop = P 4 gamma_e gamma_d/(gamma^2 + D^2); at 0.1 uW heat shifts it by 1e-5."""
+    ring = replace(coupled.borghi2021(), carriers=coupled.ConstantLifetime(1e-9))
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    power = 1e-7
+    detuning = -5e9
+    coupled.export_ring(ring, model, tmp_path / "ring.cir", power=power, detuning=detuning)
+    subprocess.run(["ngspice", "-b", "ring_demo.cir"], cwd=tmp_path, capture_output=True, check=True, timeout=120)
+    drop = np.loadtxt(tmp_path / "ring_demo.csv", delimiter=",", skiprows=1)[:, 1]
+    turn = 2 * np.pi * detuning
+    cold = 4 * ring.bus_rate * ring.drop_bus_rate / (ring.linear_rate**2 + turn**2)
+    # after two rows; 3e-4 was measured at 1 mW, reltol is 1e-4
+    assert np.abs(drop[3:] / (cold * power) - 1).max() < 5e-4
