@@ -260,5 +260,6 @@ def _model(law: Mapping[str, float], poles: Compact | None, values: Mapping[str,
         return Foster(R=[law["tau_th"] / law[HEAT_CAPACITY]], tau=[law["tau_th"]])
     if not isinstance(poles, Foster):
         return poles
-    R, tau = ([values.get(f"{name}{k + 1}", float(v)) for k, v in enumerate(getattr(poles, name))] for name in POLES)
+    R = [values.get(f"R{k}", float(resistance)) for k, resistance in enumerate(np.asarray(poles.R), 1)]
+    tau = [values.get(f"tau{k}", float(time)) for k, time in enumerate(np.asarray(poles.tau), 1)]
     return Foster(R=R, tau=tau, inputs=poles.inputs, outputs=poles.outputs)

@@ -39,7 +39,7 @@ log = logging.getLogger("thermofem")
 
 ROUND_OFF = 1e-14  # of the largest entry of M
 PILED = 1e-8  # smallest singular value of 1 - C S: light in a loop is 1e8 times that which enters it
-MOST = 20_000  # states: their matrices are dense
+MOST_STATES = 20_000  # states: their matrices are dense
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
@@ -292,7 +292,7 @@ def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Seq
 
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     """Decay rates (1/s), input matrix B and output matrix C in the eigenmodes of a small symmetric system."""
-    checks.integer("states of thermal", model.order, 1, MOST, hint="reduce it first (surrogate.reduce_array)")
+    checks.integer("states of thermal", model.order, 1, MOST_STATES, hint="reduce it first (surrogate.reduce_array)")
     E = model.E.toarray() if hasattr(model.E, "toarray") else np.asarray(model.E, dtype=float)
     A = model.A.toarray() if hasattr(model.A, "toarray") else np.asarray(model.A, dtype=float)
     B = np.asarray(model.B, dtype=float)

@@ -25,7 +25,9 @@ from ..thermal import check_model, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
-STEP = 1e-3  # of the sizes of the states, for derivatives: errors of 1e-6 by truncation and 1e-10 by round-off
+DIFFERENCE_STEP = (
+    1e-3  # of the sizes of the states, for derivatives: errors of 1e-6 by truncation and 1e-10 by round-off
+)
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
@@ -96,7 +98,7 @@ def first_lyapunov(
     size_of = (2 * q[m, unit])[:, None]
     q = q / size_of
     p = np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
-    h = STEP / np.max(np.abs(q) / size, axis=1)
+    h = DIFFERENCE_STEP / np.max(np.abs(q) / size, axis=1)
     first = np.zeros(A.shape, dtype=complex)
     second = np.zeros(A.shape)
     for part, factor in ((q.real, 1), (q.imag, 1j)):

@@ -33,7 +33,7 @@ from .balance import (
 from .steady_states import described, drop_power, eigenvalues, through_power
 from .zeros import intervals_in_window, zeros
 
-POINTS = 600  # of a curve
+CURVE_POINTS = 600  # of a curve
 Curve: TypeAlias = Callable[[Array], tuple[Array, ...]]
 
 
@@ -274,14 +274,14 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     """Points of a curve in the range of its power or detuning, both ends included: U, D, power (W), detuning (Hz)."""
     row = 2 if P.size > 1 else 3
     ends = P if P.size > 1 else nu
-    grid = np.linspace(low, high, POINTS)
+    grid = np.linspace(low, high, CURVE_POINTS)
 
     def share(s: Array) -> Array:
         return np.asarray((curve(s)[row] - ends[0])[None] / np.ptp(ends))
 
     parts = intervals_in_window(share, grid)
     lengths = np.diff(parts, axis=1)[:, 0]
-    spread = POINTS - 2 * len(parts)
+    spread = CURVE_POINTS - 2 * len(parts)
     counts = 2 + (spread * lengths / lengths.sum()).astype(int)
     s = np.concatenate([np.linspace(*part, count) for part, count in zip(parts, counts, strict=True)])
     values = curve(s)[:4]

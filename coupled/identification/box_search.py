@@ -8,7 +8,7 @@ from scipy import optimize
 
 from thermofem.arrays import Array, NDArray
 
-STEP = 1e-3  # of a logarithm, for forward differences
+FORWARD_STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
 STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
 SMALL = 0.5  # change of all residuals of a trace that is less than their noise
@@ -81,11 +81,11 @@ def least_squares(
 def _forward(f: Residuals, x: Array, r: Array) -> Array:
     """Jacobian df/dx by forward differences, or backward where f(x + h) is not defined."""
     columns = []
-    for e in STEP * np.eye(x.size):
-        h = STEP
+    for e in FORWARD_STEP * np.eye(x.size):
+        h = FORWARD_STEP
         above = f(x + e)
         if above is None:
-            h = -STEP
+            h = -FORWARD_STEP
             above = f(x - e)
         columns.append(np.zeros(r.size) if above is None else (above - r) / h)
     return np.array(columns).T

@@ -31,16 +31,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-FEWEST = 64  # samples of a trace
+FEWEST_SAMPLES = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
 GRID = 32_768  # samples to which an unevenly sampled trace is interpolated
 ROUNDS = 3  # corrections of the period
 BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
-LONGEST = 40e-6  # s simulated for a trace that is longer, or
-SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
-MOST = 50_000  # samples of a simulated trace
+LONGEST_RUN = 40e-6  # s simulated for a trace that is longer, or
+SETTLED_CONSTANTS = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
+MOST_SAMPLES = 50_000  # samples of a simulated trace
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
@@ -62,7 +62,7 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
     late = t >= begin
     steps = np.diff(t[late])
-    if late.sum() >= FEWEST and np.ptp(steps) <= 1e-3 * steps.mean():
+    if late.sum() >= FEWEST_SAMPLES and np.ptp(steps) <= 1e-3 * steps.mean():
         return t[late], drop[late]
     grid = np.linspace(begin, t[-1], GRID)
     return grid, np.interp(grid, t, drop)
@@ -231,7 +231,7 @@ class Target:
 
         For a settled trace, and for one longer than the model's transient, the run has the length of that transient.
         """
-        enough = max(LONGEST, SETTLED / slowest_rate(model))
+        enough = max(LONGEST_RUN, SETTLED_CONSTANTS / slowest_rate(model))
         if self.settled or self.times[-1] > enough:
             return 0.0, enough
         return float(self.times[0]), float(self.times[-1])
@@ -240,7 +240,7 @@ class Target:
     def forced(self) -> Forced:
         """The trace resampled at equal time steps, for `forced_filters`."""
         length = float(self.times[-1] - self.times[0])
-        n = min(MOST, 1 + round(length / self.sampling_step))
+        n = min(MOST_SAMPLES, 1 + round(length / self.sampling_step))
         times = np.linspace(self.times[0], self.times[-1], n)
         drop = np.interp(times, self.times, self.drop)
         return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.absolute)
@@ -273,7 +273,7 @@ class Target:
     def _late_samples(self) -> tuple[Array, Array]:
         """Times (s) from the first one on and drop power of the second half; samples of long traces are averaged."""
         late = self.times >= (self.times[0] + self.times[-1]) / 2
-        every = -(-int(late.sum()) // MOST)
+        every = -(-int(late.sum()) // MOST_SAMPLES)
         kept = late.sum() // every * every
         t = self.times[late][:kept].reshape(-1, every).mean(axis=1)
         drop = self.drop[late][:kept].reshape(-1, every).mean(axis=1)
@@ -301,7 +301,7 @@ def _target(name: str, trace: xr.Dataset) -> Target:
     t = checks.array(f"{name}.time", times.values, increasing=True)
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     checks.shape("drop", drop, t.shape)
-    checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST, "samples with light")
+    checks.enough(f"{name}.drop", int(np.count_nonzero(drop)), FEWEST_SAMPLES, "samples with light")
     period = period_of(name, t, drop)
     power = check_power(light.get("input_power", light.get("power")), f"{name}.attrs['power']")
     detuning = check_detuning(light.get("detuning"), f"{name}.attrs['detuning']")

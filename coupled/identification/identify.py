@@ -16,7 +16,7 @@ from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, check_model, notes_of
 from ..unknowns import ThermalFamily, Unknowns, unknowns
-from .box_search import End, Prior, least_squares
+from .box_search import End, Prior, cost, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
 from .deviations import curvature, spread_over_traces, unknown_as_inf, without_noise
@@ -30,7 +30,7 @@ log = logging.getLogger("thermofem")
 ALONG = np.append(0, np.outer((0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2), (-1, 1)))  # of a logarithm
 DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all are followed
 ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
-NOISE = 1.5  # the same at the end: a fit above it failed
+NOISE_LEVEL = 1.5  # the same at the end: a fit above it failed
 TWICE = 0.03  # of a logarithm: two results that differ by less are one
 ALIKE = 1.05  # ratio of two misfits below which both count as the lowest
 DRIFT, SHAPE = 0.03, 0.1  # of the period and the swing: a model that misses traces without noise by more has failed
@@ -202,7 +202,7 @@ def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) ->
     points = np.clip(points, what.low, what.high)
     first = residuals(what, targets, STAGES[0])
     last = residuals(what, targets, STAGES[-1])
-    costs = [np.inf if (r := first(x)) is None else float(r @ r) for x in points]
+    costs = [cost(first, x) for x in points]
     for k in np.argsort(costs)[:TRIES]:
         if not np.isfinite(costs[k]):
             return
@@ -235,7 +235,7 @@ def _searched(
         for end in _followed(what, targets, start, seed):
             twice = any(np.abs(end.x - other.x).max() < TWICE for _, other, _ in found)
             found.append((_rms(end.r, end.x.size), end, start))
-            if twice or found[-1][0] < NOISE:
+            if twice or found[-1][0] < NOISE_LEVEL:
                 return sorted(found, key=lambda one: one[0])
     return sorted(found, key=lambda one: one[0])
 
@@ -252,7 +252,7 @@ class Judgement(NamedTuple):
 def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
     """Test the best fit against the noise of the traces, from which the deviations follow."""
     (misfit, end, start), others = found[0], found[1:]
-    if misfit > NOISE:
+    if misfit > NOISE_LEVEL:
         return _failed(_soft_fit(what, targets, end.x), f"the traces by {misfit:.3g} times their noise")
     wide = curvature(what, targets, STAGES[-1], end.x, start)
     many = np.count_nonzero(end.r) > MANY + end.x.size
@@ -271,7 +271,7 @@ def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[flo
     period and 2e-4 of the swing is compared to these, any other to 1 and 4 %.
     """
     misfit, end, start = found[0]
-    follows = misfit <= NOISE
+    follows = misfit <= NOISE_LEVEL
     stage = STAGES[-1] if follows else SOFT
     x = end.x if follows else _soft_fit(what, targets, end.x)
     prior = start if follows else Prior(x, LOOSE * np.eye(x.size))

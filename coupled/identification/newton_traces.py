@@ -12,7 +12,7 @@ from thermofem.data import dataset
 from ..arguments import bar, check_ring
 from ..resonator import RingResonator
 from ..unknowns import unknowns
-from .box_search import at_bound, least_squares
+from .box_search import at_bound, cost, least_squares
 from .cycle_residuals import Stage, free_run, residuals
 from .cycles import targets_of
 
@@ -76,18 +76,20 @@ def fit_newton_per_trace(
     rows: list[list[float]] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for k, target in enumerate(targets):
-            f, period = residuals(what, [target], TWO), target.period
-            costs = [np.inf if (r := f(x)) is None else float(r @ r) for x in grid]
-            starts = [grid[k] for k in np.argsort(costs)[:STARTS] if np.isfinite(costs[k])]
-            end = min((least_squares(f, x, what.low, what.high, steps=TWO.steps) for x in starts), key=lambda e: e.cost)
+            f = residuals(what, [target], TWO)
+            costs = [cost(f, x) for x in grid]
+            starts = [grid[i] for i in np.argsort(costs)[:STARTS] if np.isfinite(costs[i])]
+            ends = [least_squares(f, x, what.low, what.high, steps=TWO.steps) for x in starts]
+            end = min(ends, key=lambda end: end.cost)
             pair = np.exp(end.x)
-            if np.isnan(period):
+            if np.isnan(target.period):
                 log.warning("a trace at rest shows tau_th/(m c_p) = R_th alone; both are nan for trace %d", k)
                 pair = np.full(2, np.nan)
             elif at_bound(end.x, what.low, what.high).any():
                 log.warning("tau_th or heat_capacity ended on the bound of its search for trace %d; widen bounds", k)
-            own = free_run(*what.build(end.x), target)[1].period
-            rows.append([target.power, target.detuning, *pair, period, own, np.sqrt(end.cost)])
+            _, cycle = free_run(*what.build(end.x), target)
+            drive = [target.power, target.detuning]
+            rows.append([*drive, *pair, target.period, cycle.period, np.sqrt(end.cost)])
             advance()
     abouts: dict[str, Any] = {
         "power": dataset.describe("input_power"),
@@ -99,9 +101,10 @@ def fit_newton_per_trace(
         "misfit": {"units": "1", "long_name": "root of the sum of squared residuals"},
     }
     columns = zip(abouts.items(), np.transpose(rows), strict=True)
-    found = xr.Dataset({name: ("trace", column, about) for (name, about), column in columns})
-    pulses = np.isfinite((found["tau_th"] * found["period_model"]).values)
-    x, y = found["tau_th"].values[pulses], found["heat_capacity"].values[pulses]
+    fits = xr.Dataset({name: ("trace", column, about) for (name, about), column in columns})
+    pulses = np.isfinite((fits["tau_th"] * fits["period_model"]).values)
+    x = fits["tau_th"].values[pulses]
+    y = fits["heat_capacity"].values[pulses]
     slope, intercept = np.polyfit(x / 1e-9, y, 1) if x.size >= 3 else (np.nan, np.nan)
     correlation = float(np.corrcoef(x, y)[0, 1]) if x.size >= 3 else np.nan
-    return found.assign_attrs(correlation=correlation, slope=float(slope / 1e-9), intercept=float(intercept))
+    return fits.assign_attrs(correlation=correlation, slope=float(slope / 1e-9), intercept=float(intercept))

@@ -15,7 +15,7 @@ from .cycles import Target
 from .held_numbers import SHARE, held_numbers, moved_minimum
 
 ASIDE = 1e-6  # of a logarithm: parameters that far from the end of the search are those of the soft fit
-STEP = 1e-5  # of a logarithm, for the slope of R_th
+LOGARITHM_STEP = 1e-5  # of a logarithm, for the slope of R_th
 
 
 class Leaning(NamedTuple):
@@ -103,7 +103,7 @@ def _resistance_slopes(what: Unknowns, x: Array) -> Array:
     """d ln R_th/d ln x of the model, shape (unknowns,); 0 for parameters of the ring."""
     slopes = []
     for unit in np.eye(x.size):
-        above = float(what.build(x + STEP * unit)[1].thermal_resistance)
-        below = float(what.build(x - STEP * unit)[1].thermal_resistance)
-        slopes.append(np.log(above / below) / (2 * STEP))
+        above = float(what.build(x + LOGARITHM_STEP * unit)[1].thermal_resistance)
+        below = float(what.build(x - LOGARITHM_STEP * unit)[1].thermal_resistance)
+        slopes.append(np.log(above / below) / (2 * LOGARITHM_STEP))
     return np.array(slopes)

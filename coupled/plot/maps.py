@@ -75,7 +75,8 @@ def plot_map(
         raise InputError(f"data is a map over {' and '.join(dims)}; {rule}")
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
-    (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, dim) for dim in dims)
+    y_axis, y_label = _drawn_axis(data, dims[0])
+    x_axis, x_label = _drawn_axis(data, dims[1])
     x = _edges(x_axis)
     y = _edges(y_axis)
     if show == "regime":
