@@ -29,7 +29,7 @@ _SYMBOL = r"(?:[A-Za-z]+|%)"
 _UNIT = re.compile(
     rf"(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*)?({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII
 )
-LONGEST = 40  # characters of a unit
+LONGEST_UNIT = 40  # characters
 
 
 class Scale(NamedTuple):
@@ -56,8 +56,9 @@ def scale_of(text: str) -> Scale | None:
     """
     unit = text.strip().translate(_SIGNS)
     if unit in DECIBELS:
-        return Scale(DECIBELS[unit][0], 0.0, DECIBELS[unit][1], decibels=True)
-    match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST else None
+        dimensions, reference = DECIBELS[unit]
+        return Scale(dimensions, 0.0, reference, decibels=True)
+    match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST_UNIT else None
     if match is None:
         return None
     symbols = SPELLED.get(match[2], match[2])

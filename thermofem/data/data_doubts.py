@@ -49,42 +49,51 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
     """
     swing = float(np.ptp(rise))
-    # 6 sigmas of the noise of one sample: 1e-9 a sample
-    noise = 6.0 * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0
+    noise = 0.0
+    if rise.size > 4:
+        curvature = float(np.median(np.abs(np.diff(rise, 2))))
+        noise = 6.0 * curvature / (0.6745 * np.sqrt(6))  # 6 sigmas of the noise of one sample: 1e-9 a sample
+    rtol = _rtol(data)
     R = static_gain(data)
-    notes = [] if periodic else _before_heat(wave, times, rise, noise + _rtol(data) * swing)
+    notes = () if periodic else _before_heat(wave, times, rise, noise + rtol * swing)
     if R is None or _varies(data):
-        return tuple(notes)
-    pieces = wave.pieces(float(times[0]), float(times[-1]))
+        return notes
+    begin = float(times[0])
+    end = float(times[-1])
+    pieces = wave.pieces(begin, end)
     most = R * bounds(pieces)[1]
-    slack = 10.0 * _rtol(data)  # 10 rtol: errors of the solver add up to a few rtol
-    if rise.max() > most * (1 + slack) + noise:
+    slack = 10.0 * rtol  # 10 rtol: errors of the solver add up to a few rtol
+    highest = rise.max()
+    if highest > most * (1 + slack) + noise:
         raise checks.InputError(
-            f"delta_T reaches {rise.max():.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
+            f"delta_T reaches {highest:.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
             f"power; {WRONG}"
         )
-    if periodic and abs(times[-1] - times[0] - (wave.period or 0.0)) < 1e-6 * (times[-1] - times[0]):
-        length = float(times[-1] - times[0])
-        mean = float(np.trapezoid(rise[::1], times[::1])) / length
+    length = end - begin
+    if periodic and abs(length - (wave.period or 0.0)) < 1e-6 * length:
+        mean = float(np.trapezoid(rise, times)) / length
         coarse = float(np.trapezoid(rise[::2], times[::2])) / length
         sampling = abs(mean - coarse) if times.size % 2 else swing / times.size
         due = R * pieces.integral() / length
-        if abs(mean - due) > slack * most + noise + 2 * sampling:
+        tolerance = slack * most + noise + 2 * sampling
+        if abs(mean - due) > tolerance:
             raise checks.InputError(
                 f"the mean of delta_T over its period is {mean:.4g} K, but thermal_resistance = {R:.5g} K/W makes "
                 f"it {due:.4g} K; {WRONG}"
             )
-    return tuple(notes)
+    return notes
 
 
-def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[str]:
+def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) -> tuple[str, ...]:
     """A sentence where a transient from rest has a temperature rise before the power begins."""
     heated = np.flatnonzero(wave(times) > 0)
-    first = rise[: heated[0] + 1] if heated.size and times[0] == 0 else rise[:0]
-    offset = float(np.abs(first).max()) if first.size else 0.0
-    if offset <= max(tolerance, 0.01 * float(np.ptp(rise))):
-        return []
-    return [f"delta_T is {first[np.argmax(np.abs(first))]:.4g} K before any heat, 0 K is at rest; {WRONG}"]
+    if not heated.size or times[0] != 0:
+        return ()
+    first = rise[: heated[0] + 1]
+    offset = first[np.argmax(np.abs(first))]
+    if abs(offset) <= max(tolerance, 0.01 * float(np.ptp(rise))):
+        return ()
+    return (f"delta_T is {offset:.4g} K before any heat, 0 K is at rest; {WRONG}",)
 
 
 def _rtol(data: xr.Dataset) -> float:
@@ -105,7 +114,7 @@ def _varies(data: xr.Dataset) -> bool:
     return any(geometry.material_of(name).varies for name in geometry.region_names)
 
 
-FEWEST = 12  # rows at the extreme value
+CLIPPED_ROWS = 12  # at the extreme value, at least
 
 
 def clipping(y: Array, unit: str = "K") -> str:
@@ -114,16 +123,19 @@ def clipping(y: Array, unit: str = "K") -> str:
     if swing <= 0:
         return ""
     for sign, end in ((1, "largest"), (-1, "smallest")):
-        below = (np.max(sign * y) - sign * y) / swing
-        at = below <= 1e-9
-        first, stop = max(runs_of(at), key=lambda run: run[1] - run[0])
-        begin = int(np.flatnonzero(np.append(True, below[:first] > 0.5))[-1])  # of the way to the end
-        way = below[begin:first][~at[begin:first]]
-        near = int(np.sum(way < 0.02))
-        before = int(np.sum((way >= 0.02) & (way < 0.1)))
-        if stop - first >= FEWEST and before >= 3 and 2 * near < before:
+        upward = sign * y
+        below = (np.max(upward) - upward) / swing
+        extreme = below <= 1e-9
+        first, stop = max(runs_of(extreme), key=lambda run: run[1] - run[0])
+        far = np.append(True, below[:first] > 0.5)
+        begin = int(np.flatnonzero(far)[-1])  # of the way to the end
+        approach = below[begin:first][~extreme[begin:first]]
+        last = int(np.sum(approach < 0.02))
+        before = int(np.sum(approach < 0.1)) - last
+        if stop - first >= CLIPPED_ROWS and before >= 3 and 2 * last < before:
+            count = int(extreme.sum())
             return (
-                f"{int(at.sum())} rows hold the {end} value, {y[first]:.6g} {unit}: the trace looks clipped; if it is, "
+                f"{count} rows hold the {end} value, {y[first]:.6g} {unit}: the trace looks clipped; if it is, "
                 "what is fitted to it is wrong: take a wider range of the instrument"
             )
     return ""

@@ -35,7 +35,7 @@ FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 START_FROM = "start_from"  # the same: "given", or found by the "rise" of the part that is heated or by "light"
-ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
+TIME_ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
 
@@ -101,19 +101,18 @@ def build(
     if checks.flag("periodic", periodic):
         _check_one_period("times", times, wave)
     several = rise.ndim == 2
+    dimensions = ("time", "probe") if several else "time"
     variables = {
-        "delta_T": (("time", "probe") if several else "time", rise, describe("delta_T")),
+        "delta_T": (dimensions, rise, describe("delta_T")),
         "power": ("time", wave(times), describe("power")),
     }
     coordinates: dict[str, Any] = {"time": ("time", times, describe("time"))}
     if several:
         coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
-    attrs = {
-        **stamp("periodic" if periodic else "transient"),
-        "waveform": waveforms.to_json(wave, float(times[-1])),
-        "read": ", ".join(read),
-        **checks.mapping("attributes", attributes),
-    }
+    attrs = stamp("periodic" if periodic else "transient")
+    attrs["waveform"] = waveforms.to_json(wave, float(times[-1]))
+    attrs["read"] = ", ".join(read)
+    attrs |= checks.mapping("attributes", attributes)
     return xr.Dataset(variables, coordinates, attrs)
 
 
@@ -130,13 +129,14 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
     """
     if read is not None:
         several = "probe" in getattr(data, "dims", ())
-        names = [str(n) for n in data["probe"].values] if several else [str(data.attrs.get("read", read))]
-        checks.choice("read", read, names)
+        probes = data["probe"].values if several else [data.attrs.get("read", read)]
+        checks.choice("read", read, [str(probe) for probe in probes])
         data = data.sel(probe=read) if several else data
     if "probe" not in getattr(data, "coords", {}) or data["probe"].ndim:
         return data
     name = str(data["probe"].values)
-    names = [n.strip() for n in str(data.attrs.get("read", "")).split(",")]
+    stated = str(data.attrs.get("read", ""))
+    names = [part.strip() for part in stated.split(",")]
     if name not in names or len(names) == 1:
         return data
     gains = np.ravel(data.attrs.get("thermal_resistances", ()))
@@ -216,12 +216,12 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
     responses: list[Response] = []
-    for k, one in enumerate(datasets):
+    for k, trace in enumerate(datasets):
         with checks.prefixed(f"data[{k}]" if len(datasets) > 1 else ""):
-            responses.append(response_of(one))
+            responses.append(response_of(trace))
     checks.enough("data", len(responses), 1, "Datasets")
-    doubts = check_together([at_probe(one) for one in datasets])
-    return [replace(one, doubts=(*one.doubts, *doubts)) for one in responses]
+    doubts = check_together([at_probe(trace) for trace in datasets])
+    return [replace(response, doubts=(*response.doubts, *doubts)) for response in responses]
 
 
 def warn_of(responses: Sequence[Response]) -> None:
@@ -235,21 +235,28 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
 
     One temperature: within 1e-3 of the swing.
     """
+    largest = 1e-3 * np.ptp(rise)
     for k in np.flatnonzero(np.diff(times) == 0):
-        jump = wave(times[k]) != wave.before(times[k])
-        if not jump or abs(rise[k + 1] - rise[k]) > 1e-3 * np.ptp(rise) or (k and times[k - 1] == times[k]):
+        t = times[k]
+        before = rise[k]
+        after = rise[k + 1]
+        steady = wave(t) == wave.before(t)
+        thrice = k and times[k - 1] == t
+        if steady or thrice or abs(after - before) > largest:
             raise checks.InputError(
-                f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
+                f"data.time has {t:g} s twice, with delta_T = {before:g} and {after:g} K; a time may "
                 "stand twice only where the power jumps; take one out, or average them"
             )
 
 
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
     """Times of which those within round-off of a breakpoint of the power are set to it exactly."""
-    slack = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
-    edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
-    near = edges[np.searchsorted(edges, times - slack)]  # the first that is not before
-    return np.where(np.abs(near - times) <= slack, near, times)
+    largest = float(np.abs(times[[0, -1]]).max())
+    slack = TIME_ROUND_OFF * largest
+    end = times[-1] + 1e-3 * float(np.ptp(times))
+    edges = np.append(wave.breakpoints(times[0], end), np.inf)
+    edge = edges[np.searchsorted(edges, times - slack)]  # the first that is not before
+    return np.where(np.abs(edge - times) <= slack, edge, times)
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:
@@ -260,12 +267,14 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     right = wave(times)
     left = wave.before(times)
     checks.shape("data.power", power, times.shape)
-    scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
-    wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
+    highest = float(np.max(np.abs(right)))
+    scale = max(highest, np.finfo(float).tiny)
+    misfit = np.minimum(np.abs(power - right), np.abs(power - left))
+    wrong = misfit > 1e-6 * scale
     if np.any(wrong):
-        at = int(np.argmax(wrong))
+        k = int(np.argmax(wrong))
         raise checks.InputError(
-            f"data.power[{at}] = {power[at]:g} W contradicts the waveform attribute ({right[at]:g} W); drop one of them"
+            f"data.power[{k}] = {power[k]:g} W contradicts the waveform attribute ({right[k]:g} W); drop one of them"
         )
 
 
@@ -286,11 +295,10 @@ def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
                 here = f"data[{k}] was {what} in {checks.shown(part)}"
                 there = f"data[{first}] in {checks.shown(other)}"
                 raise checks.InputError(f"{here} and {there}: two channels; fit each on its own")
-    return tuple(
-        words.format(" and ".join(map(checks.shown, found)))
-        for words, found in (
-            (_NAMES, dict.fromkeys(str(stated["read"]) for stated in attrs if stated.get("read"))),
-            (_OTHER, dict.fromkeys(str(stated["geometry"]) for stated in attrs if stated.get("geometry"))),
-        )
-        if len(found) > 1
-    )
+    doubts = []
+    for what, words in (("read", _NAMES), ("geometry", _OTHER)):
+        values = dict.fromkeys(str(stated[what]) for stated in attrs if stated.get(what))
+        if len(values) > 1:
+            listed = " and ".join(map(checks.shown, values))
+            doubts.append(words.format(listed))
+    return tuple(doubts)

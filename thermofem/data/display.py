@@ -19,23 +19,26 @@ if TYPE_CHECKING:
 
 def card(title: str, rows: Iterable[tuple[str, str]], below: str = "") -> str:
     """HTML of a titled table of names and values, followed by the HTML ``below``."""
-    cells = "".join(
-        f'<tr><td style="text-align:left">{escape(name)}</td><td style="text-align:left">{escape(value)}</td></tr>'
-        for name, value in rows
-    )
+    cells = ""
+    for texts in rows:
+        columns = "".join(f'<td style="text-align:left">{escape(text)}</td>' for text in texts)
+        cells += f"<tr>{columns}</tr>"
     return f"<div><strong>{escape(title)}</strong><table>{cells}</table>{below}</div>"
 
 
 def model_html(model: Any) -> str:
     """Table of a thermal model: kind, parts, states and, of a single channel, R_th and the range of time constants."""
     rows = [("heated", ", ".join(model.inputs)), ("read", ", ".join(model.outputs)), ("states", str(model.order))]
-    if (len(model.inputs), len(model.outputs)) == (1, 1) and model.order <= 500:
+    single = len(model.inputs) == len(model.outputs) == 1
+    if single and model.order <= 500:
         with contextlib.suppress(InputError):  # matrices that are not those of heat flow are shown without it
             rows.append(("thermal resistance", f"{model.thermal_resistance / 1e3:.4g} K/mW"))
     tau = getattr(getattr(model, "linear", model), "tau", None)
     if tau is not None:
-        ends = [quantity.rounded(t, "s") for t in (np.min(tau), np.max(tau))]
-        rows.append(("time constants", " to ".join(dict.fromkeys(ends))))
+        shortest = quantity.rounded(np.min(tau), "s")
+        longest = quantity.rounded(np.max(tau), "s")
+        span = shortest if shortest == longest else f"{shortest} to {longest}"
+        rows.append(("time constants", span))
     if hasattr(model, "coefficient"):
         rows.append(("output map", f"z + ({model.coefficient:.3g} /K) z²"))
     return card(type(model).__name__, rows)
@@ -45,9 +48,12 @@ def section_card(section: CrossSection) -> str:
     """Table of the layers and parts of a geometry; `thermofem.plot.plot_preview` draws them."""
     rows = [(f"layer {layer.name}", f"{layer.material}, {_length(layer.thickness)}") for layer in section.layers]
     for part in section.parts:
-        edges = f"{'x' if part.straight else 'r'} {_length(part.inner_radius)} to {_length(part.outer_radius)}"
-        size = f"{edges}, height {_length(part.height)}"
-        rows.append((f"part {part.name}", f"{part.material}, {size}" + (", heated" if part.heated else "")))
+        axis = "x" if part.straight else "r"
+        edges = f"{axis} {_length(part.inner_radius)} to {_length(part.outer_radius)}"
+        words = f"{part.material}, {edges}, height {_length(part.height)}"
+        if part.heated:
+            words += ", heated"
+        rows.append((f"part {part.name}", words))
     rows.append(("ends at", _length(section.outer_radius)))
     return card(section.name, rows)
 
@@ -64,11 +70,12 @@ def materials_text(materials: Iterable[Material], *, html: bool = False) -> str:
     import pandas as pd  # type: ignore[import-untyped]
 
     head = ["", "k (W/m/K)", "density (kg/m^3)", "c_p (J/kg/K)", " ", "source"]
-    rows = [
-        (m.name, m.conductivity, m.density, m.specific_heat, "follows T" if m.varies else "", m.source)
-        for m in materials
-    ]
-    frame, write = pd.DataFrame(rows, columns=head).set_index(""), "{:g}".format
+    rows = []
+    for m in materials:
+        varies = "follows T" if m.varies else ""
+        rows.append((m.name, m.conductivity, m.density, m.specific_heat, varies, m.source))
+    frame = pd.DataFrame(rows, columns=head).set_index("")
+    write = "{:g}".format
     if not html:
         return str(frame.drop(columns="source").to_string(float_format=write, index_names=False))
     with pd.option_context("display.max_colwidth", None):

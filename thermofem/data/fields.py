@@ -49,7 +49,8 @@ def write_fields(data: xr.Dataset, path: str | Path) -> Path:
     """
     data = check_field(data)
     path = field_file(path, data.sizes["field_time"])
-    return write_whole(path, lambda p: (_write_xdmf if path.suffix == ".xdmf" else _write_vtu)(data, p))
+    write = _write_xdmf if path.suffix == ".xdmf" else _write_vtu
+    return write_whole(path, lambda target: write(data, target))
 
 
 def field_file(path: str | Path, count: int) -> Path:
@@ -82,7 +83,8 @@ def _write_vtu(data: xr.Dataset, path: Path) -> None:
     import meshio
 
     field = np.asarray(data["field"].isel(field_time=0).values, dtype=float)
-    meshio.Mesh(_points(data), _triangles(data), point_data={NAME: field}).write(path, file_format="vtu")
+    mesh = meshio.Mesh(_points(data), _triangles(data), point_data={NAME: field})
+    mesh.write(path, file_format="vtu")
 
 
 def _write_xdmf(data: xr.Dataset, path: Path) -> None:
@@ -91,5 +93,6 @@ def _write_xdmf(data: xr.Dataset, path: Path) -> None:
 
     with meshio.xdmf.TimeSeriesWriter(path, data_format="XML") as writer:
         writer.write_points_cells(_points(data), _triangles(data))
-        for time, field in zip(data["field_time"].values, data["field"].values.astype(float), strict=True):
+        fields = data["field"].values.astype(float)
+        for time, field in zip(data["field_time"].values, fields, strict=True):
             writer.write_data(float(time), point_data={NAME: field})

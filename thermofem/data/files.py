@@ -108,11 +108,18 @@ def from_toml(text: str) -> dict[str, Any]:
 
 def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
     """InputError where a tree is too deep, or holds anything but text, finite numbers, true, false and null."""
-    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
+    items: Any = ()
+    if isinstance(tree, dict):
+        items = tree.items()
+    elif isinstance(tree, list):
+        items = enumerate(tree)
+    for key, value in items:
         nested = isinstance(value, dict | list)
         if nested and depth < DEPTH:
             _check_tree(value, f"{where}{key}.", depth + 1)
-        elif not isinstance(value, str | int | float | None) or (isinstance(value, float) and not math.isfinite(value)):
+            continue
+        finite = not isinstance(value, float) or math.isfinite(value)
+        if not finite or not isinstance(value, str | int | float | None):
             rule = f"more than {DEPTH} deep" if nested else "neither text, finite number, true nor false"
             raise checks.InputError(f"{where}{key}: {checks.shown(value)} is {rule}")
 
@@ -127,9 +134,8 @@ def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Seq
         checks.choice(f"{where}: key", key, keys)
     for key in required:
         if key not in table:
-            raise checks.InputError(
-                f"{where}: {key} is missing", f"add [[{key}]] tables" if keys[key] == TABLES else ""
-            )
+            hint = f"add [[{key}]] tables" if keys[key] == TABLES else ""
+            raise checks.InputError(f"{where}: {key} is missing", hint)
     return {key: _value(f"{where}: {key}", value, keys[key]) for key, value in table.items()}
 
 
@@ -138,7 +144,10 @@ def _value(name: str, value: Any, kind: str) -> Any:
         return quantity.parse(value, kind, name=name)
     if kind == NUMBER:
         return checks.finite(name, value)
-    if not isinstance(value, _KINDS[kind]) or (kind == TABLES and not all(isinstance(one, dict) for one in value)):
+    fits = isinstance(value, _KINDS[kind])
+    if fits and kind == TABLES:
+        fits = all(isinstance(table, dict) for table in value)
+    if not fits:
         raise checks.InputError(f"{name} = {checks.shown(value)} must be {kind}")
     return value
 
@@ -161,7 +170,9 @@ def plain(value: Any) -> Any:
 
 def digest(content: bytes | Path) -> str:
     """Hash of bytes, or of the content of a file: 32 hexadecimal digits of SHA-256."""
-    return hashlib.sha256(content.read_bytes() if isinstance(content, Path) else content).hexdigest()[:32]
+    if isinstance(content, Path):
+        content = content.read_bytes()
+    return hashlib.sha256(content).hexdigest()[:32]
 
 
 def digest_tree(tree: Any) -> str:
@@ -177,7 +188,8 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
     >>> lines_of("a\\r.include b\\x00")
     ['a', '.include b\\\\x00']
     """
-    lines = [checks.one_line(piece, most=most) for piece in str(text).splitlines() or [""]]
+    pieces = str(text).splitlines() or [""]
+    lines = [checks.one_line(piece, most=most) for piece in pieces]
     ascii_lines = (line.encode("ascii", "backslashreplace").decode() for line in lines)
     return [f"{line} ." if line.endswith("\\") else line for line in ascii_lines]
 
@@ -185,19 +197,20 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 def check_target(path: str | Path) -> Path:
     """Path at which a file will be written, links followed; InputError where no file can be written."""
     path = Path(os.path.realpath(checks.path("path", path)))
-    folder = path.parent.is_dir()
+    folder = path.parent
+    if not folder.is_dir():
+        raise checks.InputError(f"{folder} is not a folder; make it first to write {path.name}")
     there = path.exists()
-    if not folder or (there and not path.is_file()) or not os.access(path if there else path.parent, os.W_OK):
-        rule = f"{path} is a folder or a device, or write-protected; give the name of a file"
-        raise checks.InputError(
-            rule if folder else f"{path.parent} is not a folder; make it first to write {path.name}"
-        )
+    writable = os.access(path if there else folder, os.W_OK)
+    if not writable or (there and not path.is_file()):
+        raise checks.InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
     return path
 
 
 def check_image(path: str | Path) -> None:
     """InputError unless the name ends as one of `IMAGES`."""
-    checks.choice(f"ending of {path}", checks.path("path", path).suffix.lower(), IMAGES, hint="it chooses the kind")
+    ending = checks.path("path", path).suffix.lower()
+    checks.choice(f"ending of {path}", ending, IMAGES, hint="it chooses the kind")
 
 
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
@@ -206,7 +219,8 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     A file that is replaced keeps its permissions. Raises InputError: it cannot be written.
     """
     path = check_target(path)
-    temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(8)}{path.suffix}")
+    mark = secrets.token_hex(8)
+    temporary = path.with_name(f".{path.stem[:40]}-{mark}{path.suffix}")
     try:
         with checks.prefixed(f"{path} cannot be written", OSError):
             temporary.touch(exist_ok=False)
@@ -254,8 +268,9 @@ def own_folder(folder: Path, inner: Sequence[str]) -> Iterator[None]:
     """
     folder = make_folder(folder)
     with locked(folder / ".lock", f"folder {folder}"):
-        for one in (folder, *(make_folder(folder / name) for name in inner)):
-            for path in one.iterdir():
+        folders = [make_folder(folder / name) for name in inner]
+        for place in (folder, *folders):
+            for path in place.iterdir():
                 if _TEMPORARY.fullmatch(path.name):
                     path.unlink(missing_ok=True)
         yield

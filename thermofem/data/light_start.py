@@ -20,7 +20,7 @@ from .. import checks
 from ..arrays import Array
 from ..waveforms import Constant, Pulse, Waveform
 from . import dataset, quantity
-from .heating_start import FEWEST, Rows
+from .heating_start import BASELINE_ROWS, Rows
 
 AHEAD = 8  # rows whose mean is compared with the mean of all before
 SIGMAS = 5.0  # of the noise of that difference: one in a million rows of white noise
@@ -45,13 +45,15 @@ def light_of(rows: Rows, start: float | None, fall: bool) -> tuple[Array, Array,
     else:
         earliest = latest = start
         if start < rows.t[0]:
-            rows.said.append(f"the {what} begins {quantity.rounded(rows.t[0] - start, 's', 4)} before the first row")
-    kept = rows.t >= earliest
-    checks.enough("table", int(kept.sum()), dataset.FEWEST, f"rows after the start at {earliest:g} s")
+            late = quantity.rounded(rows.t[0] - start, "s", 4)
+            rows.said.append(f"the {what} begins {late} before the first row")
+    after = rows.t >= earliest
+    checks.enough("table", int(after.sum()), dataset.FEWEST, f"rows after the start at {earliest:g} s")
     about: dict[str, Any] = {"start": earliest, "baseline": 0.0}
     if latest > earliest:
         about[dataset.START] = latest - earliest
-    return rows.t[kept] - earliest + length, rows.y[kept], wave, about
+    times = rows.t[after] - earliest + length
+    return times, rows.y[after], wave, about
 
 
 def _ended(rows: Rows) -> Pulse:
@@ -65,14 +67,17 @@ def _ended(rows: Rows) -> Pulse:
 
 def _departure(rows: Rows, what: str) -> tuple[float, float]:
     """Earliest and latest start in s on the clock of the file."""
-    t, y = rows.t, rows.y
+    t = rows.t
+    y = rows.y
     checks.enough("table", t.size, 2 * AHEAD, "rows")
     sums = np.append(0.0, np.cumsum(y - y[0]))
-    index = np.arange(FEWEST, t.size - AHEAD)
+    index = np.arange(BASELINE_ROWS, t.size - AHEAD)
     before = sums[index] / index
     ahead = (sums[index + AHEAD] - sums[index]) / AHEAD
-    sigma = max(rows.noise, SMALLEST * rows.swing) * np.sqrt(1 / AHEAD + 1 / index)
-    departs = np.flatnonzero(np.abs(ahead - before) > SIGMAS * sigma)
+    noise = max(rows.noise, SMALLEST * rows.swing)
+    sigma = noise * np.sqrt(1 / AHEAD + 1 / index)
+    departure = np.abs(ahead - before)
+    departs = np.flatnonzero(departure > SIGMAS * sigma)
     if not departs.size:
         raise checks.InputError("the light does not depart from its level at rest: is the power on in these rows?")
     first = int(index[departs[0]])
@@ -82,7 +87,8 @@ def _departure(rows: Rows, what: str) -> tuple[float, float]:
             'give --start, such as --start "0 s"',
         )
     latest = float(t[first + AHEAD])
-    earliest = max(float(t[0]), latest - BEFORE * float(t[-1] - latest))
+    remaining = float(t[-1] - latest)
+    earliest = max(float(t[0]), latest - BEFORE * remaining)
     span = f"{quantity.rounded(earliest, 's', 4)} and {quantity.rounded(latest, 's', 4)}"
     rows.said.append(
         f"the {what} begins between {span} on the file's clock, by the first departure of the light: fitted with the "

@@ -22,7 +22,7 @@ from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, Scale, s
 from .number_table import Column, NumberTable, is_about_units, number_table
 from .variables import VOLTS, unit_of
 
-LONGEST = 1.0  # s; a column of time without unit that is longer may be in another unit
+LONGEST_TIME = 1.0  # s; a column of time without unit that is longer may be in another unit
 LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of the rows that may lie between both
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
@@ -119,31 +119,34 @@ def read_trace(
         apart = heated is not None and read is not None and heated != read
         if apart and first is None and wave is not None:
             raise _no_search(table, chosen, str(heated), str(read))
-        t, (y, *more) = _distinct(t, [y] if watts is None else [y, watts], said)
+        if watts is None:  # a power column jumps at a time that stands twice
+            t, y = _distinct(t, y, said)
         if wave is None:
-            first = min(float(t[0]), 0.0) if first is None else first
-            y, watts, t = y[t >= first], more[0][t >= first], t[t >= first]
-            wave = heating_start.sampled_power(t - first, watts)
+            if first is None:
+                first = min(float(t[0]), 0.0)
+            after = t >= first
+            t = t[after]
+            y = y[after]
+            assert watts is not None
+            wave = heating_start.sampled_power(t - first, watts[after])
         rows = heating_start.Rows(t, y, wave, unit_of(said), said)
         if light:
             times, rise, wave, about = light_start.light_of(rows, first, fall)
         else:
             times, rise, about = heating_start.rise_of(rows, first, level, fall, watts is not None)
-        found = "light" if light else "rise"
-        about[dataset.START_FROM] = found if first is None else "given"
+        searched = "light" if light else "rise"
+        about[dataset.START_FROM] = searched if first is None else "given"
         if within:
             about[dataset.START] = within
-    attributes = {
-        "source": path.name,
-        "source_sha256": digest,
-        "source_columns": ", ".join(
-            f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)
-        ),
-        "assumed": "\n".join(said),
-        **({} if heated is None else {"heated": heated}),
-        **about,
-    }
-    return dataset.build(times, rise, wave, read=(read or temperature or "core",), attributes=attributes)
+    sources = [f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)]
+    attributes: dict[str, Any] = {"source": path.name, "source_sha256": digest}
+    attributes["source_columns"] = ", ".join(sources)
+    attributes["assumed"] = "\n".join(said)
+    if heated is not None:
+        attributes["heated"] = heated
+    attributes |= about
+    part = read or temperature or "core"
+    return dataset.build(times, rise, wave, read=(part,), attributes=attributes)
 
 
 def check_text(path: Path) -> None:
@@ -213,7 +216,9 @@ def _columns(
     table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
 ) -> tuple[Column, ...]:
     """Columns of time and temperature and, where ``power`` is the name of one, of power."""
-    third = (_named(table, "power", power),) if isinstance(power, str) else ()
+    third: tuple[Column, ...] = ()
+    if isinstance(power, str):
+        third = (_named(table, "power", power),)
     if columns is not None:
         return (*_numbered(table, columns), *third)
     first = None if time is None else _named(table, "time", time)
@@ -221,17 +226,19 @@ def _columns(
     free = [column for column in table.columns if column not in (first, second, *third)]
     if first is None:
         likely = [column for column in free if _measures(column, "time", (TIME,))]
+        if not likely and len(free) <= 2:
+            likely = free[:1]
         first = likely[0] if len(likely) == 1 else None
-        first = free[0] if not likely and len(free) <= 2 else first
     free = [column for column in free if column is not first and not _COUNTS.fullmatch(column.header)]
     if second is None and first is not None:
         likely = [column for column in free if _measures(column, "temperature", (TEMPERATURE, IMPEDANCE))]
         likely = likely if len(likely) == 1 else free
         second = likely[0] if len(likely) == 1 else None
     if first is None or second is None or first is second:
+        example = ",".join(str(column.number) for column in table.columns[:2])
         raise checks.InputError(
             f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
-            f"{','.join(str(column.number) for column in table.columns[:2])}, or --time and --temperature"
+            f"{example}, or --time and --temperature"
         )
     return first, second, *third
 
@@ -245,7 +252,8 @@ def _measures(column: Column, role: str, dimensions: tuple[str, ...]) -> bool:
 
 def _numbered(table: NumberTable, columns: Any) -> list[Column]:
     """The two columns of these numbers, "4,5" or (4, 5)."""
-    numbers = [str(number).strip() for number in (columns.split(",") if isinstance(columns, str) else columns)]
+    texts = columns.split(",") if isinstance(columns, str) else columns
+    numbers = [str(text).strip() for text in texts]
     by_number = {str(column.number): column for column in table.columns}
     pair = [by_number[number] for number in numbers if number in by_number]
     if not len(numbers) == len(pair) == 2:
@@ -306,7 +314,7 @@ def _unit(table: NumberTable, column: Column, role: str, said: list[str]) -> str
     unit, word = SI[role]
     if role == "time":
         span = f"the span of {column.label}, which states no unit,"
-        checks.between(span, np.ptp(column.values), 0, LONGEST, hint=ASK_UNITS)
+        checks.between(span, np.ptp(column.values), 0, LONGEST_TIME, hint=ASK_UNITS)
     said.append(f"{column.label} states no unit: {word}")
     return unit
 
@@ -378,21 +386,23 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     return sign * scale.factor, scale.dimensions
 
 
-def _distinct(t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
+def _distinct(t: Array, y: Array, said: list[str]) -> tuple[Array, Array]:
     """Rows without repeated times: of two rows at one time the second is left out.
 
     InputError where there are many such rows, or where their temperatures differ.
     """
     steps = np.diff(t)
     same = np.flatnonzero(steps == 0)
-    if not same.size or len(values) > 1:  # a power column jumps at a time that stands twice
-        return t, values
-    apart = np.abs(np.diff(values[0])[same]) > 0.05 * np.ptp(values[0])
-    if same.size > max(2, REPEATED * t.size) or apart.any() or np.any(np.diff(same) == 1):
+    if not same.size:
+        return t, y
+    jumps = np.abs(np.diff(y)[same])
+    apart = np.any(jumps > 0.05 * np.ptp(y))
+    thrice = np.any(np.diff(same) == 1)
+    if apart or thrice or same.size > max(2, REPEATED * t.size):
         raise checks.InputError(
             f"{same.size} times stand more than once, the first is {t[same[0]]:g} s: they are rounded, or two records "
             "in one file; write them with more digits"
         )
     said.append(f"{same.size} rows that repeat a time are left out")
-    keep = np.append(True, steps > 0)
-    return t[keep], [v[keep] for v in values]
+    first = np.append(True, steps > 0)
+    return t[first], y[first]

@@ -4,6 +4,7 @@ A file may declare more values than it holds, or bytes that lie in other files; 
 is loaded.
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -78,12 +79,17 @@ def _declared(file: Any) -> int:
 
     def wrong(name: str, link: Any) -> str | None:
         names.append(name)
-        inside = isinstance(link, h5py.HardLink) and len(names) <= MOST_OBJECTS and name.count("/") <= DEPTH
-        return None if inside else name
+        few = len(names) <= MOST_OBJECTS and name.count("/") <= DEPTH
+        return None if few and isinstance(link, h5py.HardLink) else name
 
     if found := file.visititems_links(wrong):  # which ends at the first one
         raise InputError(f"{shown(found)} is a link, more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
-    return sum(_values(name, item) for name in names if isinstance(item := file[name], h5py.Dataset))
+    total = 0
+    for name in names:
+        item = file[name]
+        if isinstance(item, h5py.Dataset):
+            total += _values(name, item)
+    return total
 
 
 def _values(name: str, item: Any) -> int:
@@ -91,8 +97,9 @@ def _values(name: str, item: Any) -> int:
     label = item.attrs.get("NAME", b"")
     if isinstance(label, bytes) and b"This is a netCDF dimension but not a netCDF variable." in label:
         return 0
-    sizes = zip(item.dims, item.shape or (), strict=False)
+    shape = item.shape or ()
+    sizes = zip(item.dims, shape, strict=False)
     short = any(len(scales) and scales[0].shape[:1] != (length,) for scales, length in sizes)  # h5netcdf adds zeros
     if short or item.external or item.is_virtual:
         raise InputError(f"values of {shown(name)} lie in another file, or are not as many as its dimensions say")
-    return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
+    return math.prod(shape) * max(1, item.dtype.itemsize)

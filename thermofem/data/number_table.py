@@ -19,7 +19,7 @@ from ..checks import InputError, shown
 from .column_units import FREQUENCY, IMPEDANCE, LENGTH, POWER, TEMPERATURE, TIME, VOLTAGE, Scale, scale_of
 
 DIVIDERS = ("\t", ";", ",", " ")
-FEWEST = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
+FIRST_ROWS = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
 LOOKED, MOSTLY = 60, 0.8  # rows that tell which columns are numbers: those with numbers in this share of them
 MARKS = "%#!/\"' "  # that begin a remark or a header in some program
 COLUMNS_OF_UNITS = (TIME, TEMPERATURE, VOLTAGE, POWER, IMPEDANCE, LENGTH, FREQUENCY)  # what a line of units may measure
@@ -65,9 +65,10 @@ class Column:
 
         Raises InputError: no unit, or one that is unknown.
         """
-        scale = scale_of(unit or self.unit)
+        unit = unit or self.unit
+        scale = scale_of(unit)
         if scale is None:
-            what = f"is in {shown(unit or self.unit)}, no known unit" if unit or self.unit else "states no unit"
+            what = f"is in {shown(unit)}, no known unit" if unit else "states no unit"
             raise InputError(f"{self.label} {what}", 'give the units of both columns, such as --units "us,mV"')
         return scale.in_si(self.values)
 
@@ -94,10 +95,10 @@ class NumberTable:
         units = []
         for line in self.above:
             words = re.split(r"[\s,;:=()\[\]\"]+", line)
-            scales = {word: scale_of(word) for word in words if len(word) > 1 or word in "sKV"}
-            units += [
-                (word, line.strip()) for word, scale in scales.items() if scale and scale.dimensions in dimensions
-            ]
+            for word in dict.fromkeys(words):
+                scale = scale_of(word) if len(word) > 1 or word in "sKV" else None
+                if scale and scale.dimensions in dimensions:
+                    units.append((word, line.strip()))
         return units
 
 
@@ -125,14 +126,18 @@ def number_table(content: bytes) -> NumberTable:
     values = _values(lines[begin:stop], divider, places, begin + 1)
     headers, units, above = _header(lines[:begin], divider, len(rows[0]), places)
     columns = [Column(place + 1, headers[place], units[place], values[:, k]) for k, place in enumerate(places)]
-    beside = [", ".join(cell for k, cell in enumerate(row) if k not in places) for row in rows]
+    beside = []
+    for row in rows:
+        texts = (cell for k, cell in enumerate(row) if k not in places)
+        beside.append(", ".join(texts))
     after = sum(bool(line.strip("\t ,;")) for line in lines[stop:])
     return NumberTable(tuple(columns), (*above, *beside), after)
 
 
 def has_rows(content: bytes) -> bool:
     """Whether the beginning of a file has a line of two numbers, as every table has."""
-    return any(len(_numbers(line, divider)) > 1 for line in text_of(content).split("\n") for divider in DIVIDERS)
+    lines = text_of(content).split("\n")
+    return any(len(_numbers(line, divider)) > 1 for line in lines for divider in DIVIDERS)
 
 
 def text_of(content: bytes) -> str:
@@ -170,27 +175,33 @@ def _numbers(line: str, divider: str) -> set[int]:
 def _first_row(lines: list[str]) -> tuple[int, str]:
     """Index of the first line of the table, and the character that divides its columns."""
     filled = [number for number, line in enumerate(lines) if line.strip(MARKS + ",;\t")]
-    for k in range(len(filled) - FEWEST + 1):
-        rows = [lines[number] for number in filled[k : k + FEWEST]]
+    for k in range(len(filled) - FIRST_ROWS + 1):
+        rows = [lines[number] for number in filled[k : k + FIRST_ROWS]]
         for divider in DIVIDERS:
             widths = {len(cells_of(row, divider)) for row in rows}
             shared = set.intersection(*(_numbers(row, divider) for row in rows))
             if len(widths) == 1 and len(shared) >= 2:
                 return filled[k], divider
-    raise InputError(f"no {FEWEST} lines of at least two numbers; a table of time and temperature is needed")
+    raise InputError(f"no {FIRST_ROWS} lines of at least two numbers; a table of time and temperature is needed")
 
 
 def _number_places(rows: list[list[str]], divider: str) -> list[int]:
     """Indices of the columns whose cells are numbers in most rows."""
-    rows = [row for row in rows if len(row) == len(rows[0])]
-    counts = [sum(is_number(cell, divider) for cell in column) for column in zip(*rows, strict=True)]
-    return [place for place, count in enumerate(counts) if count >= MOSTLY * max(counts)]
+    width = len(rows[0])
+    counts = [0] * width
+    for row in rows:
+        if len(row) == width:
+            for place, cell in enumerate(row):
+                counts[place] += is_number(cell, divider)
+    least = MOSTLY * max(counts)
+    return [place for place, count in enumerate(counts) if count >= least]
 
 
 def _last_row(lines: list[str], divider: str, places: list[int]) -> int:
     """Index of the last line that is a row, or begins with a number like a row that breaks off."""
     for number in range(len(lines) - 1, -1, -1):
-        if _is_row(cells_of(lines[number], divider), divider, places) or _looks_broken(lines[number]):
+        cells = cells_of(lines[number], divider)
+        if _is_row(cells, divider, places) or _looks_broken(lines[number]):
             break
     return number
 
@@ -199,8 +210,8 @@ def _is_row(cells: list[str], divider: str, places: list[int]) -> bool:
     """Whether the cells of these columns are there, each a number or empty, and not all empty."""
     if len(cells) <= places[-1]:
         return False
-    held = [cells[place] for place in places]
-    return any(held) and all(is_number(cell, divider) or not cell for cell in held)
+    filled = [cells[place] for place in places if cells[place]]
+    return bool(filled) and all(is_number(cell, divider) for cell in filled)
 
 
 def _looks_broken(line: str) -> bool:
@@ -234,16 +245,25 @@ def _values(lines: list[str], divider: str, places: list[int], first: int) -> Ar
 
 def _are_decimal(text: str, lines: list[str], divider: str, places: list[int]) -> bool:
     """Whether the commas in the numbers of a table are decimal marks for sure."""
-    rows = [cells_of(line, divider) for line in lines]
-    cells = [row[place] for row in rows for place in places if place < len(row) and "," in row[place]]
-    return "." not in text and any(not _THOUSANDS.fullmatch(cell) for cell in cells)
+    if "." in text:
+        return False
+    for line in lines:
+        row = cells_of(line, divider)
+        cells = [row[place] for place in places if place < len(row)]
+        if any("," in cell and not _THOUSANDS.fullmatch(cell) for cell in cells):
+            return True
+    return False
 
 
 def _broken_row(lines: list[str], divider: str, places: list[int], first: int) -> str:
     """Words on the first line that is no row."""
-    rows = [_is_row(cells_of(line, divider), divider, places) or not line.strip(MARKS + ",;\t") for line in lines]
-    wrong = rows.index(False) if False in rows else 0
-    return f"line {first + wrong} = {lines[wrong].strip()[:40]!r} is no row of {len(places)} numbers"
+    wrong = 0
+    for number, line in enumerate(lines):
+        if line.strip(MARKS + ",;\t") and not _is_row(cells_of(line, divider), divider, places):
+            wrong = number
+            break
+    beginning = lines[wrong].strip()[:40]
+    return f"line {first + wrong} = {beginning!r} is no row of {len(places)} numbers"
 
 
 def _header(above: list[str], divider: str, width: int, places: list[int]) -> tuple[list[str], list[str], list[str]]:
@@ -253,30 +273,38 @@ def _header(above: list[str], divider: str, width: int, places: list[int]) -> tu
     """
     lines = [line for line in above if line.strip(MARKS + ",;\t")]
     if lines and _looks_broken(lines[-1]):
-        raise InputError(f"line {above.index(lines[-1]) + 1} = {lines[-1].strip()[:40]!r} is no row of numbers")
+        number = above.index(lines[-1]) + 1
+        beginning = lines[-1].strip()[:40]
+        raise InputError(f"line {number} = {beginning!r} is no row of numbers")
     headers = _titles(lines[-1:], divider, width, places)
     below = [header.strip("()[] ") for header in headers]
     if not _are_units(below):
-        return headers, [_unit_in(header) for header in headers], lines[:-1] if any(headers) else lines
+        units = [_unit_in(header) for header in headers]
+        return headers, units, lines[:-1] if any(headers) else lines
     headers = _titles(lines[-2:-1], divider, width, places)
     for header, unit in zip(headers, below, strict=True):
-        if _unit_in(header) and unit and scale_of(_unit_in(header)) != scale_of(unit):
+        stated = _unit_in(header)
+        if stated and unit and scale_of(stated) != scale_of(unit):
             raise InputError(f"{header!r} has the unit {unit} in the row below", "take the wrong one out")
     return headers, below, lines[:-2]
 
 
 def _are_units(cells: list[str]) -> bool:
     """Whether all cells of a line are units, such as "(us)", "mV" or "Volt", and none is a name such as t or T."""
-    scales = [scale_of(cell) for cell in cells if cell]
-    return bool(scales) and all(scale and (scale.decibels or scale.dimensions in COLUMNS_OF_UNITS) for scale in scales)
+    for cell in filter(None, cells):
+        scale = scale_of(cell)
+        if scale is None or not (scale.decibels or scale.dimensions in COLUMNS_OF_UNITS):
+            return False
+    return any(cells)
 
 
 def _unit_in(header: str) -> str:
     """The unit in a header ``name (unit)``; "" for any other header."""
     match = _HEADER.fullmatch(header)
-    if match is None or _FACTOR.search(match["name"]) or scale_of(match["unit"]) is None:
+    if match is None or _FACTOR.search(match["name"]):
         return ""
-    return match["unit"].strip()
+    unit = match["unit"]
+    return "" if scale_of(unit) is None else unit.strip()
 
 
 def _titles(lines: list[str], divider: str, width: int, places: list[int]) -> list[str]:
@@ -287,12 +315,15 @@ def _titles(lines: list[str], divider: str, width: int, places: list[int]) -> li
     line = "".join(lines).lstrip("%#!/' ")
     wide = re.split(r"\s{2,}", line.strip())
     bracketed = re.split(r"(?<=[)\]])\s+", line.strip())
-    for cells in (cells_of(line, divider), wide, bracketed, *(cells_of(line, mark) for mark in DIVIDERS)):
+    divided = [cells_of(line, mark) for mark in DIVIDERS]
+    for cells in (cells_of(line, divider), wide, bracketed, *divided):
         titles = [cell.strip(" \"'") for cell in cells]
         while len(titles) > width and not titles[-1]:
             titles.pop()
-        titles += [""] * (width - len(titles)) if len(titles) > places[-1] else []
-        names = [titles[place] for place in places] if len(titles) == width else []
+        if not places[-1] < len(titles) <= width:
+            continue
+        titles += [""] * (width - len(titles))
+        names = [titles[place] for place in places]
         if any(names) and not any(is_number(name, divider) for name in names):
             return titles
     return [""] * width

@@ -15,7 +15,7 @@ from ..checks import SMALLEST, InputError, shown
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
-LONGEST = 400  # characters of a quantity: 309 digits are the largest float
+LONGEST_TEXT = 400  # characters of a quantity: 309 digits are the largest float
 # names, products, quotients and brackets, powers of one digit: pint computes larger powers, of any size
 _UNIT = re.compile(r"(?:[^\W\d_]|(?<=\w)_(?=\w)|[\s*/()%°]|1(?!\d)|(?<![\s)^*])\^[+-]?[1-9](?![\d^]))*")
 _SUPERSCRIPTS = str.maketrans({"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "·": "*", "⋅": "*"})
@@ -77,7 +77,7 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST])
+    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST_TEXT])
     value, fault = _convert(match[1], match[2], unit) if match else (math.nan, "does not begin with a number")
     if not math.isfinite(value):
         raise InputError(f"{name} = {shown(text)} {fault or 'is not finite'}", _wanted(unit))
@@ -115,10 +115,21 @@ def write(value: float, unit: str) -> str:
     >>> write(450e-9, "m"), write(130.0, "W/m/K")
     ('450 nm', '130 W/m/K')
     """
-    choices = [(f"{value / factor:.12g}", prefixed) for factor, prefixed in _KINDS[unit][2]]
-    choices = [(number, prefixed) for number, prefixed in choices if parse(f"{number} {prefixed}", unit) == value]
-    choices.append((f"{value:.12g}" if float(f"{value:.12g}") == value else repr(float(value)), unit))
-    number, prefixed = min(choices, key=lambda choice: (not 1 <= abs(float(choice[0])) < 1000, len(choice[0])))
+    choices = []
+    for factor, prefixed in _KINDS[unit][2]:
+        number = f"{value / factor:.12g}"
+        if parse(f"{number} {prefixed}", unit) == value:
+            choices.append((number, prefixed))
+    plain = f"{value:.12g}"
+    if float(plain) != value:
+        plain = repr(float(value))
+    choices.append((plain, unit))
+
+    def awkward(choice: tuple[str, str]) -> tuple[bool, int]:
+        size = abs(float(choice[0]))
+        return not 1 <= size < 1000, len(choice[0])
+
+    number, prefixed = min(choices, key=awkward)
     return f"{number} {prefixed}".strip()
 
 
@@ -148,7 +159,8 @@ def _convert(digits: str, given: str, unit: str) -> tuple[float, str]:
     The decimal digits are kept exactly where the factor between the units is a power of ten.
     """
     if given == "dBm" and unit == "W":
-        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf, ""
+        decibels = float(digits)
+        return 1e-3 * 10 ** (decibels / 10) if decibels < 3000 else math.inf, ""
     if given in ("degC", "°C") and unit == "K":
         return float(digits) + 273.15, ""
     factor, fault = _factor(given, unit)
@@ -197,19 +209,27 @@ def _factor_of(text: str, given: str, unit: str) -> tuple[float, str]:
 
         units = registry()  # kept: threads that call this at once may each make their own
         try:
-            found = units.Quantity(1.0, units.parse_units(text))
-            wanted = units.Quantity(1.0, units.parse_units(unit))
+            written = units.Quantity(1.0, units.parse_units(text))
+            target = units.Quantity(1.0, units.parse_units(unit))
             # in root units angles are kept: rad/s is not Hz
-            if found.to_root_units().units == wanted.to_root_units().units:
-                return float((found / wanted).to_base_units().magnitude), ""
+            if written.to_root_units().units == target.to_root_units().units:
+                ratio = (written / target).to_base_units()
+                return float(ratio.magnitude), ""
             fault = "has the wrong dimension"
         except pint.errors.UndefinedUnitError as error:
-            unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
-            near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
-            fault = f"has no known unit: {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")
+            names = error.unit_names
+            fault = _unknown(names if isinstance(names, str) else ", ".join(names), unit)
         except Exception:
             pass
     return math.nan, fault
+
+
+def _unknown(name: str, unit: str) -> str:
+    """Words on a unit that pint does not know, with the known one that it resembles; ``unit`` is that of SI."""
+    prefixed = [text for _, text in _KINDS[unit][2]]
+    nearest = _nearest(name, [*prefixed, unit, *_MORE.get(unit, ())])
+    fault = f"has no known unit: {name!r} is unknown"
+    return f"{fault}, did you mean {nearest!r}?" if nearest else fault
 
 
 _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}
@@ -218,7 +238,8 @@ _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"
 def _nearest(name: str, known: list[str]) -> str | None:
     """Known unit that an unknown name resembles: equal but for case ("mw"), or spelled alike; None without one."""
     same = [unit for unit in known if unit.casefold() == name.casefold()]
-    return next(iter(same or difflib.get_close_matches(name, known, n=1, cutoff=0.6)), None)
+    alike = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return next(iter(same + alike), None)
 
 
 @cache

@@ -89,14 +89,19 @@ def describe(name: str) -> dict[str, str]:
 
 def known(name: str) -> Variable | None:
     """Unit and long name of a variable; None for a name that is not in `VARIABLES`."""
-    prefix = next((p for p in PREFIXES if name.startswith(p) and len(name) > len(p)), "_")
-    return VARIABLES.get(name) or VARIABLES.get(prefix[:-1])
+    if name in VARIABLES:
+        return VARIABLES[name]
+    for prefix in PREFIXES:
+        if name.startswith(prefix) and name != prefix:
+            return VARIABLES[prefix.removesuffix("_")]
+    return None
 
 
 def label(values: Any, name: str) -> str:
     """Axis label: name of a variable and its unit, where the Dataset has kept them."""
     unit = values.attrs.get("units")
-    return str(values.attrs.get("long_name", name)) + (f" ({unit})" if unit else "")
+    words = str(values.attrs.get("long_name", name))
+    return f"{words} ({unit})" if unit else words
 
 
 def unit_of(assumed: object) -> str:
@@ -114,23 +119,27 @@ def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
     changed = {}
     for key, variable in data.variables.items():
         field = known(str(key))
-        given = variable.attrs.get("units")
         if field is None or _is_derivative(str(key), variable, field.unit):
             continue
-        if given is None or str(given) == field.unit or (str(given) in ("", "1") and field.unit in ("", "1")):
+        given = variable.attrs.get("units", field.unit)
+        pure = str(given) in ("", "1") and field.unit in ("", "1")
+        if given is None or pure or str(given) == field.unit:
             continue
         if variable.dtype.kind not in "fiu":
             continue
         offset, factor = _line(given, field, f"{what} {key!r}: unit")
+        numbers = np.asarray(variable.values, dtype=float)
         attributes = {**variable.attrs, "units": field.unit}
-        changed[key] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
+        changed[key] = (variable.dims, offset + factor * numbers, attributes)
     return data.assign(changed) if changed else data
 
 
 def _is_derivative(name: str, variable: Any, unit: str) -> bool:
     """Whether a variable is a derivative with respect to parameters, or an energy for 1 W in a linear spectrum."""
     given = str(variable.attrs.get("units"))
-    return (given.startswith(f"{unit} {PER}") and "parameter" in variable.dims) or (name, given) == ("energy", "J/W")
+    if name == "energy" and given == "J/W":
+        return True
+    return given.startswith(f"{unit} {PER}") and "parameter" in variable.dims
 
 
 def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:
@@ -141,7 +150,8 @@ def _line(given: Any, field: Variable, name: str) -> tuple[float, float]:
     two = quantity.parse(f"{2} {given}", unit, name=name)
     if abs(two - 2 * one + zero) > 1e-9 * abs(one):
         raise InputError(f"{name} = {shown(given)} is no straight scale; write the numbers in {unit}")
-    return (0.0 if "rise" in field.long_name else zero), one - zero
+    offset = 0.0 if "rise" in field.long_name else zero
+    return offset, one - zero
 
 
 def contents(name: str, data: Any, needed: Iterable[str], *, what: str) -> Any:
