@@ -11,15 +11,17 @@ Array: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
 
 PIECE = 10_000_000  # numbers of an intermediate array
-FEWEST = 50  # samples from which an autocorrelation is estimated; fewer count as white noise
+FEWEST_RESIDUALS = 50  # of which an autocorrelation is estimated; fewer count as white noise
 
 
 def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> NDArray[Any]:
     """Evaluate ``function(x[..., None])`` in chunks, so that its (x.size, width) intermediate stays below `PIECE`."""
     if x.size * width <= PIECE:
         return np.asarray(function(x[..., None]))
-    pieces = np.array_split(x.ravel(), -(-x.size * width // PIECE))
-    return np.concatenate([function(piece[:, None]) for piece in pieces]).reshape(x.shape)
+    count = -(-x.size * width // PIECE)
+    pieces = np.array_split(x.ravel(), count)
+    values = [function(piece[:, None]) for piece in pieces]
+    return np.concatenate(values).reshape(x.shape)
 
 
 def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -34,22 +36,25 @@ def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(starts, stops, strict=True))
 
 
-def independent(left: Array) -> float:
+def independent(residuals: Array) -> float:
     """Number of independent samples in the correlated residuals of one trace: n/(1 + 2 sum rho)."""
-    return float(left.size / max(1 + 2 * autocorrelation(left).sum(), 1.0))
+    rho = autocorrelation(residuals)
+    return float(residuals.size / max(1 + 2 * rho.sum(), 1.0))
 
 
-def autocorrelation(left: Array) -> Array:
+def autocorrelation(residuals: Array) -> Array:
     """rho_1, rho_2, .. of the residuals of one trace, up to where they vanish in noise (initial positive sequence).
 
     Source: C. J. Geyer, Statist. Sci. 7, 473 (1992), Section 3.3.
     """
-    n = left.size
-    square = float(left @ left)
-    if n < FEWEST or not square > 0:
+    n = residuals.size
+    square = float(residuals @ residuals)
+    if n < FEWEST_RESIDUALS or not square > 0:
         return np.empty(0)
     size = next_fast_len(2 * n, real=True)
-    rho = irfft(np.abs(rfft(left, size)) ** 2, size)[: n // 2 * 2] / square
+    spectrum = np.abs(rfft(residuals, size)) ** 2
+    rho = irfft(spectrum, size)[: n // 2 * 2] / square
     pairs = rho[0::2] + rho[1::2]
-    last = np.flatnonzero(pairs <= 0)
-    return np.asarray(rho[1 : 2 * (last[0] if last.size else pairs.size)])
+    vanishing = np.flatnonzero(pairs <= 0)
+    count = vanishing[0] if vanishing.size else pairs.size
+    return np.asarray(rho[1 : 2 * count])

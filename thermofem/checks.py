@@ -91,9 +91,12 @@ def array(
         return np.empty(0)
     if result.ndim != 1 or result.size == 0:
         raise InputError(f"{name} has shape {result.shape}; one non-empty dimension is needed", hint)
-    if increasing and np.any(np.diff(result) < 0):
-        at = int(np.argmax(np.diff(result) < 0)) + 1
-        raise InputError(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", hint)
+    if not increasing:
+        return result
+    falls = np.diff(result) < 0
+    if falls.any():
+        k = int(np.argmax(falls)) + 1
+        raise InputError(f"{name}[{k}] = {result[k]:g} is before {name}[{k - 1}]; times must increase", hint)
     return result
 
 
@@ -109,10 +112,11 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGES
             result = np.array(found, dtype=float)
     if result is None:
         raise InputError(f"{name} is not an array of real numbers", hint)
-    bad = np.flatnonzero(~(np.isfinite(result) & (np.abs(result) <= most)))
-    if bad.size:
-        where = f"[{bad[0]}]" if result.ndim == 1 else ""
-        raise InputError(f"{name}{where} = {result.ravel()[bad[0]]:g} is not finite", hint)
+    usable = np.isfinite(result) & (np.abs(result) <= most)
+    if not usable.all():
+        first = int(np.argmin(usable))
+        where = f"[{first}]" if result.ndim == 1 else ""
+        raise InputError(f"{name}{where} = {result.ravel()[first]:g} is not finite", hint)
     return result
 
 
@@ -235,7 +239,8 @@ def check_name(what: str, name: Any) -> str:
     >>> check_name("part", "ring 1")
     'ring 1'
     """
-    if not (isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name)):
+    usable = isinstance(name, str) and len(name) <= LONGEST_NAME and _NAME.fullmatch(name)
+    if not usable:
         rule = f"take letters, digits, spaces and _ . + -, at most {LONGEST_NAME}"
         raise InputError(f"{what} name = {shown(name)} is not usable; {rule}")
     return str(name)  # of an array, too: np.str_ has another repr
@@ -243,9 +248,11 @@ def check_name(what: str, name: Any) -> str:
 
 def check_names(what: str, names: Any, *, single: bool = False) -> tuple[str, ...]:
     """Return a list of names as a tuple, each checked by `check_name` and given once; ``single``: a list of one."""
-    if not isinstance(names, list | tuple) or not names or (single and len(names) > 1):
+    number = len(names) if isinstance(names, list | tuple) else 0
+    if not number or (single and number > 1):
+        needed = "one name" if single else "names"
         rule = "this kind of model has one of each, a StateSpace takes several" if single else ""
-        raise InputError(f"{what} = {shown(names)} must be a list of {'one name' if single else 'names'}", rule)
+        raise InputError(f"{what} = {shown(names)} must be a list of {needed}", rule)
     unique(what, names, hint="a name tells one from the other")
     return tuple(check_name(what, name) for name in names)
 

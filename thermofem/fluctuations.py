@@ -38,7 +38,7 @@ from .models.state_space import LARGEST, eigenmodes
 
 ROOM = 300.0  # K, the temperature of a model without a geometry
 CERTIFIED = 1e-4  # of Re Z at every frequency, where the space of a heat problem stops growing
-ROUND_OFF = 1e-9  # of Re Z: what solves leave (measured 1e-12)
+NOISE_ROUND_OFF = 1e-9  # of Re Z: what solves leave (measured 1e-12)
 MOST_ROUNDS = 15  # of four solves each; the reference strip needs 5
 TAKEN = "a HeatProblem, a Foster network, a StateSpace, or coupled.linearize(...) is needed"
 
@@ -106,7 +106,8 @@ def thermal_noise(heat: Any, frequencies: ArrayLike, read: str = LIGHT, temperat
 def one_pole(frequency: Array, static: float, variance: float) -> Array:
     """S_T (K^2/Hz) of one pole with the same static density (K^2/Hz) and variance (K^2), tau = static/(4 variance)."""
     tau = static / (4 * variance)
-    return np.asarray(static / (1 + (2 * np.pi * frequency * tau) ** 2))
+    phase = 2 * np.pi * frequency * tau
+    return np.asarray(static / (1 + phase**2))
 
 
 def linewidth(noise: xr.Dataset) -> float:
@@ -120,8 +121,10 @@ def linewidth(noise: xr.Dataset) -> float:
     """
     f = noise["frequency"].values
     S = noise["S_nu"].values
-    slow = np.where(8 * np.log(2) * f / np.pi**2 < S, S, 0.0)
-    return float(np.sqrt(8 * np.log(2) * np.trapezoid(slow, f)))
+    line = 8 * np.log(2) * f / np.pi**2
+    slow = np.where(line < S, S, 0.0)
+    area = np.trapezoid(slow, f)
+    return float(np.sqrt(8 * np.log(2) * area))
 
 
 def _spectrum(heat: Any, omega: Array, read: str) -> Spectrum:
@@ -158,7 +161,8 @@ def port_of(name: str, model: Any, read: str = LIGHT) -> Foster:
     if isinstance(model, StateSpace):
         rate, modes = eigenmodes(model)
         part = (model.outputs[output],)
-        return Foster(R=(model.C[output] @ modes) ** 2 / rate, tau=1 / rate, inputs=part, outputs=part)
+        weight = model.C[output] @ modes
+        return Foster(R=weight**2 / rate, tau=1 / rate, inputs=part, outputs=part)
     if model.inputs == model.outputs and model.passive:
         return model
     raise checks.InputError(
@@ -192,8 +196,8 @@ def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
 
 def _of_poles(port: Foster, omega: Array, error: float) -> Spectrum:
     """Spectrum of a network; ``error`` is relative to the static value."""
-    R = np.asarray(port.R)
-    real = (R / (1 + (omega[:, None] * np.asarray(port.tau)) ** 2)).sum(axis=1)
+    phase = omega[:, None] * np.asarray(port.tau)
+    real = (np.asarray(port.R) / (1 + phase**2)).sum(axis=1)
     bound = np.full(omega.size, error * port.thermal_resistance)
     return Spectrum(real, bound, float(port.gain.sum()), None)
 
@@ -216,15 +220,19 @@ def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:
         remainder = space.remainder[:, 0]
         y = heating / (basis.rate + 1j * omega[:, None])
         real = (y @ heating).real
-        across = basis.read((space.K @ remainder)[None])[0] + 1j * omega[:, None] * basis.read(
-            (space.M @ remainder)[None]
-        )
+        K_R = basis.read((space.K @ remainder)[None])
+        M_R = basis.read((space.M @ remainder)[None])
+        across = K_R[0] + 1j * omega[:, None] * M_R
         square = remainder @ remainder
-        phi = (remainder @ weight - (across * y).sum(axis=1)) / square if square else np.zeros(omega.size)
-        bound = np.abs(phi) ** 2 * _smallest(space, remainder, omega) + ROUND_OFF * real
+        phi = np.zeros(omega.size)
+        if square:
+            phi = (remainder @ weight - (across * y).sum(axis=1)) / square
+        residual = np.abs(phi) ** 2 * _smallest(space, remainder, omega)
+        bound = residual + NOISE_ROUND_OFF * real
         if np.all(bound <= CERTIFIED * real):
             break
-    mean_square = weight @ factorize(csr_matrix(E))(weight)
+    solve = factorize(csr_matrix(E))
+    mean_square = weight @ solve(weight)
     return Spectrum(real, bound, float(mean_square), None)
 
 
@@ -233,7 +241,8 @@ def _smallest(space: Any, remainder: Array, omega: Array) -> Array:
     squares = np.array([remainder @ solve(remainder) for solve in space.solvers])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(space.shifts > 0, space.shifts / omega[:, None], 0.0)
-    return np.asarray((squares * np.sqrt(1 + ratio**2)).min(axis=1))
+    bounds = squares * np.sqrt(1 + ratio**2)
+    return np.asarray(bounds.min(axis=1))
 
 
 def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
@@ -249,8 +258,9 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
         )
     if not ring.stable:
         raise checks.InputError("the steady state is unstable: its noise grows without end", "lower the power")
-    kelvin = [name for name in ring.outputs if name.startswith("delta_T")]
-    output = ring.outputs.index(kelvin[0] if read == LIGHT else checks.choice("read", read, ring.outputs))
+    if read == LIGHT:
+        read = next(name for name in ring.outputs if name.startswith("delta_T"))
+    output = ring.outputs.index(checks.choice("read", read, ring.outputs))
     # states of comparable size: in SI those of light and carriers differ by 1e30, which the solvers do not survive
     A, (scale, _) = matrix_balance(ring.A, permute=False, separate=True)
     weight = ring.C[output] * scale
@@ -259,7 +269,8 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
     by_force = weight @ np.linalg.solve(shifted, forces.astype(complex))
     real = (np.abs(by_force) ** 2).sum(axis=1)
     covariance = solve_continuous_lyapunov(A, -2 * forces @ forces.T)
-    return Spectrum(real, np.zeros(omega.size), float(weight @ covariance @ weight), ring.thermal_shift)
+    mean_square = float(weight @ covariance @ weight)
+    return Spectrum(real, np.zeros(omega.size), mean_square, ring.thermal_shift)
 
 
 def _described(spectrum: Spectrum, f: Array, temperature: float, read: str) -> xr.Dataset:
@@ -271,13 +282,16 @@ def _described(spectrum: Spectrum, f: Array, temperature: float, read: str) -> x
         "S_T": ("frequency", unit * spectrum.real, dataset.describe("S_T")),
         "bound": ("frequency", unit * spectrum.bound, about),
     }
-    attrs = dataset.stamp("thermal noise") | {
-        "temperature": float(temperature),
-        "read": read,
-        "variance": variance,
-        "rms_temperature": float(np.sqrt(variance)),
-    }
-    if spectrum.shift is not None:
-        variables["S_nu"] = ("frequency", spectrum.shift**2 * unit * spectrum.real, dataset.describe("S_nu"))
-        attrs |= {"thermal_shift": spectrum.shift, "rms_frequency": float(spectrum.shift * np.sqrt(variance))}
-    return xr.Dataset(variables, {"frequency": ("frequency", f, dataset.describe("frequency"))}, attrs)
+    attrs = dataset.stamp("thermal noise")
+    attrs["temperature"] = float(temperature)
+    attrs["read"] = read
+    attrs["variance"] = variance
+    attrs["rms_temperature"] = float(np.sqrt(variance))
+    shift = spectrum.shift
+    if shift is not None:
+        S_nu = shift**2 * unit * spectrum.real
+        variables["S_nu"] = ("frequency", S_nu, dataset.describe("S_nu"))
+        attrs["thermal_shift"] = shift
+        attrs["rms_frequency"] = float(shift * np.sqrt(variance))
+    coordinates = {"frequency": ("frequency", f, dataset.describe("frequency"))}
+    return xr.Dataset(variables, coordinates, attrs)

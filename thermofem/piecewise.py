@@ -50,17 +50,22 @@ class Pieces(NamedTuple):
         times = np.asarray(t, dtype=float)
         if self.steady:
             return np.full(times.shape, self.coefficients[0, 0])
-        k = np.clip(np.searchsorted(self.edges, times, side=side) - 1, 0, len(self.coefficients) - 1)  # type: ignore[call-overload]
+        after = np.searchsorted(self.edges, times, side=side)  # type: ignore[call-overload]
+        k = np.clip(after - 1, 0, len(self.coefficients) - 1)
         return cubic(self.coefficients[k], times - self.edges[k])
 
     def on(self, edges: Array) -> Pieces:
         """The same function on finer ``edges``, which include all present edges in their range."""
         if np.array_equal(edges, self.edges):
             return self
-        k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
-        u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
-        moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
-        return Pieces(edges, np.stack(moved, axis=1))
+        middles = (edges[:-1] + edges[1:]) / 2
+        after = np.searchsorted(self.edges, middles)
+        k = np.clip(after - 1, 0, len(self.coefficients) - 1)
+        u = edges[:-1] - self.edges[k]
+        a, b, c, d = self.coefficients[k].T
+        value = a + u * (b + u * (c + u * d))
+        slope = b + u * (2 * c + 3 * u * d)
+        return Pieces(edges, np.stack([value, slope, c + 3 * u * d, d], axis=1))
 
     def window(self, start: float, stop: float) -> Pieces:
         """The function on [start, stop]."""
@@ -68,11 +73,13 @@ class Pieces(NamedTuple):
 
     def repeated(self, start: float, stop: float) -> Pieces:
         """The function repeated periodically, over all periods that touch [start, stop]."""
-        length = self.edges[-1] - self.edges[0]
-        first = np.floor((start - self.edges[0]) / length)
-        last = np.ceil((stop - self.edges[0]) / length)
+        begin = self.edges[0]
+        length = self.edges[-1] - begin
+        first = np.floor((start - begin) / length)
+        last = np.ceil((stop - begin) / length)
         cycles = np.arange(first - 1, last + 1)
-        edges = np.append((self.edges[:-1] + length * cycles[:, None]).ravel(), self.edges[0] + length * (last + 1))
+        starts = self.edges[:-1] + length * cycles[:, None]
+        edges = np.append(starts.ravel(), begin + length * (last + 1))
         return Pieces(edges, np.tile(self.coefficients, (cycles.size, 1)))
 
     def times(self, factor: float) -> Pieces:
@@ -117,13 +124,18 @@ def interpolated(function: Any, edges: Array) -> Pieces:
 def bounds(function: Pieces) -> tuple[float, float]:
     """Lowest and highest value of a piecewise cubic."""
     if function.steady:
-        return (value := float(function.coefficients[0, 0])), value
-    length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
+        value = float(function.coefficients[0, 0])
+        return value, value
+    length = np.diff(function.edges)
+    _, b, c, d = function.coefficients.T
+    root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
+    q = -(c + np.copysign(root, c))  # avoids cancellation
     with np.errstate(divide="ignore", invalid="ignore"):
-        far = -(c + np.copysign(np.sqrt(np.maximum(c * c - 3 * b * d, 0)), c))  # avoids cancellation
-        turns = [far / (3 * d), b / far]  # zeros of b + 2 c u + 3 d u^2, also where b or d is 0
-    within = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
-    values = [cubic(function.coefficients, u) for u in (0 * length, length, *within)]
+        turns = [q / (3 * d), b / q]  # zeros of b + 2 c u + 3 d u^2, also where b or d is 0
+    values = [cubic(function.coefficients, 0 * length), function.ends]
+    for u in turns:
+        inner = np.where((u > 0) & (u < length), u, 0.0)
+        values.append(cubic(function.coefficients, inner))
     return float(np.min(values)), float(np.max(values))
 
 
@@ -142,8 +154,13 @@ def fitted(function: Any, marks: Array, tolerance: float) -> Pieces:
     samples = [_samples(function, a, b, 2**level) for a, b, level in stretches]
     peak = max(float(np.abs(values).max()) for _, values in samples)
     allowed = max(tolerance * peak, np.finfo(float).tiny)
-    cells = [_stretch(function, *stretch, seen, allowed) for stretch, seen in zip(stretches, samples, strict=True)]
-    return Pieces(np.append(np.concatenate([c[0] for c in cells]), marks[-1]), np.concatenate([c[1] for c in cells]))
+    edges = []
+    coefficients = []
+    for stretch, checked in zip(stretches, samples, strict=True):
+        begins, cubics = _stretch(function, *stretch, checked, allowed)
+        edges.append(begins)
+        coefficients.append(cubics)
+    return Pieces(np.concatenate([*edges, marks[-1:]]), np.concatenate(coefficients))
 
 
 def _levels(function: Any, marks: Array) -> list[int]:
@@ -163,45 +180,54 @@ def _levels(function: Any, marks: Array) -> list[int]:
 
 def _samples(function: Any, a: float, b: float, cells: int) -> tuple[Array, Array]:
     """Sorted checked times in all cells of [a, b], and the function's values there."""
-    times = a + (b - a) * ((np.arange(cells)[:, None] + CHECKED) / cells).ravel()
+    share = (np.arange(cells)[:, None] + CHECKED) / cells
+    times = a + (b - a) * share.ravel()
     return times, function(times)
 
 
 def _stretch(
-    function: Any, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
+    function: Any, a: float, b: float, level: int, samples: tuple[Array, Array], allowed: float
 ) -> tuple[Array, Array]:
     """Edges (all but the last) and coefficients of the cubics over [a, b], which has no breakpoints inside."""
-    left = np.array([a])
+    begin = np.array([a])
     length = b - a
     depth = 0
-    done: list[tuple[Array, Array]] = []
-    while left.size:
+    done: list[Array] = []
+    coefficients: list[Array] = []
+    while begin.size:
         size = length / 2**depth
-        last = np.minimum(left + size, b)
-        values = function(left[:, None] + (last - left)[:, None] * NODES)
-        values[:, -1] = function.before(last)
+        end = np.minimum(begin + size, b)
+        h = (end - begin)[:, None]
+        t0 = begin[:, None]
+        values = function(t0 + h * NODES)
+        values[:, -1] = function.before(end)
         scaled = values @ TO_COEFFICIENTS
         if depth < level:
             count = CHECKED.size * 2 ** (level - depth)  # checked times in each cell
-            index = (np.rint((left - a) / size)[:, None] * count + np.arange(count)).astype(np.intp)
-            times, checked = seen[0][index], seen[1][index]
+            cell = np.rint((begin - a) / size)[:, None]
+            index = (cell * count + np.arange(count)).astype(np.intp)
+            times = samples[0][index]
+            checked = samples[1][index]
         else:
-            times = left[:, None] + (last - left)[:, None] * CHECKED
+            times = t0 + h * CHECKED
             checked = function(times)
-        u = (times - left[:, None]) / (last - left)[:, None]
-        bad = np.any(np.abs(cubic(scaled[:, None], u) - checked) > allowed, axis=1)
+        error = np.abs(cubic(scaled[:, None], (times - t0) / h) - checked)
+        bad = np.any(error > allowed, axis=1)
         if size <= SHORTEST * length:  # a jump: constant up to the end of the cell, where a cubic would overshoot
             scaled[bad] = values[bad, :1] * [1.0, 0.0, 0.0, 0.0]
             bad[:] = False
-        h = (last - left)[~bad, None]
-        done.append((left[~bad], scaled[~bad] / h ** np.arange(4)))
-        if sum(d[0].size for d in done) + 2 * bad.sum() > MOST_PIECES:
+        good = ~bad
+        done.append(begin[good])
+        coefficients.append(scaled[good] / h[good] ** np.arange(4))
+        pieces = sum(edges.size for edges in done) + 2 * bad.sum()
+        if pieces > MOST_PIECES:
             raise InputError(
                 f"the Function needs more than {MOST_PIECES} cubics between {a:g} and {b:g} s",
                 "is it noise? give samples of it (th.Sampled), or breakpoints where it jumps",
             )
-        left = np.sort(np.concatenate([left[bad], left[bad] + size / 2]))
+        halved = begin[bad]
+        begin = np.sort(np.concatenate([halved, halved + size / 2]))
         depth += 1
-    edges = np.concatenate([d[0] for d in done])
+    edges = np.concatenate(done)
     order = np.argsort(edges)
-    return edges[order], np.concatenate([d[1] for d in done])[order]
+    return edges[order], np.concatenate(coefficients)[order]

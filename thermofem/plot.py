@@ -61,16 +61,18 @@ def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     >>> readable(np.array([0.0, 2e-5]), "s")
     (array([ 0., 20.]), 'µs')
     """
+    prefixes = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
     largest = float(np.max(np.abs(values), initial=0.0))
-    power = next((k for k in (9, 6, 3, 0, -3, -6, -9, -12) if largest >= 10.0**k), 0)
-    return values / 10.0**power, {9: "G", 6: "M", 3: "k", -3: "m", -6: "µ", -9: "n", -12: "p"}.get(power, "") + unit
+    power = next((k for k in prefixes if largest >= 10.0**k), 0)
+    return values / 10.0**power, prefixes[power] + unit
 
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
     data = contents("data", data, ("time", "delta_T"), what=DATA)
     ax = axes(ax)
-    time, rise = data["time"].values * 1e6, data["delta_T"]
+    time = data["time"].values * 1e6
+    rise = data["delta_T"]
     if "probe" in rise.dims:
         ax.set_prop_cycle(color=[BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK])
         for name in rise["probe"].values:
@@ -97,20 +99,25 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     z = data["z"].values * 1e6
     hottest = int(np.argmax(field))
     half = half_width * 1e6
-    window = (np.abs(r - r[hottest]) < 1.6 * half) & (np.abs(z - z[hottest]) < 1.6 * half)
+    r0 = r[hottest]
+    z0 = z[hottest]
+    window = (np.abs(r - r0) < 1.6 * half) & (np.abs(z - z0) < 1.6 * half)
     grid = Triangulation(r, z, data["triangles"].values)
     hot = float(field[window].max())
     picture = ax.tripcolor(grid, field, shading="gouraud", cmap="inferno", vmin=0, vmax=hot)
-    ax.set(xlim=(max(0, r[hottest] - half), r[hottest] + half), xlabel="r (µm)", ylabel="z (µm)")
-    ax.set_ylim(max(z.min(), z[hottest] - half), min(z.max(), z[hottest] + half))
-    ax.set_aspect("equal")
-    ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
+    ax.set(xlabel="r (µm)", ylabel="z (µm)", aspect="equal")
+    ax.set_xlim(max(0, r0 - half), r0 + half)
+    ax.set_ylim(max(z.min(), z0 - half), min(z.max(), z0 + half))
+    time = float(data["field_time"][at]) * 1e6
+    ax.set_title(f"t = {time:.4g} µs", fontsize="small")
     if "geometry" in data.attrs:
         text = checks.text("data.attrs['geometry']", data.attrs["geometry"])
         for face in CrossSection.from_toml_text(text).subdivision.faces:
             for ring in face.rings:
-                ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
-    ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
+                x, y = np.vstack([ring, ring[:1]]).T * 1e6
+                ax.plot(x, y, color="white", linewidth=0.5, alpha=0.7)
+    bar = ax.inset_axes((1.03, 0, 0.05, 1))
+    ax.figure.colorbar(picture, cax=bar, label="rise (K)")
     return ax
 
 
@@ -129,11 +136,16 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     heated = next(part for part in geometry.parts if part.heated)
     r = (heated.inner_radius + heated.outer_radius) / 2e-6
     z = (heated.bottom + heated.height / 2) * 1e6
-    half = np.clip(2.5e6 * max(heated.outer_radius - heated.inner_radius, heated.height), 1, 10)
-    below.triplot(*(mesh.points.T * 1e6), mesh.triangles, color=INK, linewidth=0.15)
-    below.set(xlim=(max(geometry.inner_end * 1e6, r - half), r + half), ylim=(z - 0.75 * half, z + 0.75 * half))
+    size = max(heated.outer_radius - heated.inner_radius, heated.height)
+    half = np.clip(2.5e6 * size, 1, 10)
+    x, y = mesh.points.T * 1e6
+    below.triplot(x, y, mesh.triangles, color=INK, linewidth=0.15)
+    below.set_xlim(max(geometry.inner_end * 1e6, r - half), r + half)
+    below.set_ylim(z - 0.75 * half, z + 0.75 * half)
     _name_parts(geometry, above)
-    handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
+    handles = []
+    for colour in colours.values():
+        handles.append(plt.Rectangle((0, 0), 1, 1, facecolor=colour, edgecolor=INK, linewidth=0.6))
     handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
     names = [*colours, "air or void, not meshed"]
     figure.legend(handles, names, loc="outside lower center", ncols=8, frameon=False, fontsize="small")
@@ -151,9 +163,13 @@ def _draw_materials(geometry: CrossSection, ax: Axes) -> dict[str, str]:
     ax.add_patch(plt.Rectangle((0, 0), 1, 1, transform=ax.transAxes, zorder=0, **_UNMESHED))
     for face in geometry.subdivision.faces:
         name = geometry.material_of(face.owner).name
-        colour = colours.setdefault(name, _MATERIALS.get(name, _OTHER[len(colours) % len(_OTHER)]))
-        rings = [np.vstack([ring, ring[:1]]) * 1e6 for ring in face.rings]
-        path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+        other = _OTHER[len(colours) % len(_OTHER)]
+        colour = colours.setdefault(name, _MATERIALS.get(name, other))
+        paths = []
+        for ring in face.rings:
+            corners = np.vstack([ring, ring[:1]]) * 1e6
+            paths.append(Path(corners, closed=True))
+        path = Path.make_compound_path(*paths)
         ax.add_patch(PathPatch(path, facecolor=colour, edgecolor=INK, linewidth=0.6))
     ax.set(xlabel="r (µm)" if geometry.kind == "ring" else "x (µm)", ylabel="z (µm)", aspect="equal")
     return colours
@@ -161,23 +177,26 @@ def _draw_materials(geometry: CrossSection, ax: Axes) -> dict[str, str]:
 
 def _name_parts(geometry: CrossSection, ax: Axes) -> None:
     """Write the name of every part beside the axes, heated ones marked, from top to bottom, with a line to it."""
-    low, high = (end * 1e-6 for end in ax.get_ylim())
-    parts = sorted(enumerate(geometry.parts), key=lambda one: -(one[1].bottom + one[1].height / 2))
-    step = min(LINE, 1 / len(parts))
+    low, high = np.array(ax.get_ylim()) * 1e-6
+    heights = [part.bottom + part.height / 2 for part in geometry.parts]
+    numbers = sorted(range(len(heights)), key=lambda number: -heights[number])
+    step = min(LINE, 1 / len(heights))
     beside = 1.0 + LINE / 2
-    for rank, (number, part) in enumerate(parts):
+    for rank, number in enumerate(numbers):
+        part = geometry.parts[number]
+        z = heights[number]
+        room = step * (len(heights) - 1 - rank)  # what the names below need
+        level = (z - low) / (high - low)
+        beside = max(min(level, beside - step), room + step / 2)
+        width = part.outer_radius - part.inner_radius
         r = (part.inner_radius + part.outer_radius) / 2
-        z = part.bottom + part.height / 2
-        left = step * (len(parts) - 1 - rank)  # what the names below need
-        beside = max(min((z - low) / (high - low), beside - step), left + step / 2)
-        if any(
-            p.inner_radius < r < p.outer_radius and 0 < z - p.bottom < p.height for p in geometry.parts[number + 1 :]
-        ):
-            r = part.outer_radius - (part.outer_radius - part.inner_radius) / 8  # a later part lies over its middle
-        at = (r * 1e6, z * 1e6)
+        for later in geometry.parts[number + 1 :]:
+            if later.inner_radius < r < later.outer_radius and 0 < z - later.bottom < later.height:
+                r = part.outer_radius - width / 8  # a later part lies over its middle
+                break
         ax.annotate(
             f"{part.name} (heated)" if part.heated else part.name,
-            at,
+            (r * 1e6, z * 1e6),
             xytext=(1.04, beside),
             textcoords="axes fraction",
             verticalalignment="center",
@@ -199,14 +218,13 @@ def plot_noise(data: xr.Dataset, static: float | None = None, ax: Axes | None = 
     scale = data.attrs["thermal_shift"] ** 2 if lit else 1.0
     ax.loglog(f, data["S_T"] * scale, color=INK, label="heat of the cross-section")
     if static is not None:
-        one = one_pole(f, static, data.attrs["variance"])
-        ax.loglog(f, one * scale, color=VERMILION, linestyle="--", label="one pole of the same R and C")
+        S_T = one_pole(f, static, data.attrs["variance"])
+        ax.loglog(f, S_T * scale, color=VERMILION, linestyle="--", label="one pole of the same R and C")
         ax.legend(frameon=False, fontsize="small")
     quantity = "$S_\\nu$ (Hz²/Hz)" if lit else "$S_T$ (K²/Hz)"
     ax.set(xlabel="frequency (Hz)", ylabel=quantity, xlim=(f[0], f[-1]))
-    ax.set_title(
-        f"thermal noise of {data.attrs['read']} at {data.attrs['temperature']:g} K", fontsize="small", loc="left"
-    )
+    title = f"thermal noise of {data.attrs['read']} at {data.attrs['temperature']:g} K"
+    ax.set_title(title, fontsize="small", loc="left")
     return ax
 
 
@@ -224,23 +242,23 @@ def plot_mode(mode: Mode, ax: Axes | None = None) -> Axes:
     """|E| of a mode of `thermofem.light`, with the outlines of the materials (µm about the core's centre)."""
     grid = mode.space.mesh
     ax = axes(ax, (WIDTH, 4.0))
-    field = np.sqrt((mode.intensity * mode.space.dx).sum(axis=1) / mode.space.dx.sum(axis=1))
-    at = np.bincount(grid.t.ravel(), np.tile(field, 3)) / np.bincount(grid.t.ravel())  # of the triangles about a vertex
+    dx = mode.space.dx
+    square = (mode.intensity * dx).sum(axis=1) / dx.sum(axis=1)
+    vertices = grid.t.ravel()
+    sums = np.bincount(vertices, np.tile(np.sqrt(square), 3))
+    field = sums / np.bincount(vertices)  # mean of the triangles about a vertex
     triangles = Triangulation(grid.p[0], grid.p[1], grid.t.T)
-    filled = ax.tripcolor(triangles, at / at.max(), shading="gouraud", cmap="magma", rasterized=True)
-    f2t = grid.f2t[:, grid.f2t[1] >= 0]
-    between = mode.window.region[f2t[0]] != mode.window.region[f2t[1]]
-    ends = grid.p[:, grid.facets[:, grid.f2t[1] >= 0][:, between]]
-    ax.plot(ends[0], ends[1], color="white", linewidth=0.6, alpha=0.8)
-    core = grid.p[:, grid.t[:, mode.window.inside(mode.core)[:, 0]]]
-    (left, right), (low, high) = ((one.min(), one.max()) for one in core)
-    ax.set(
-        xlim=(left - 0.8, right + 0.8),
-        ylim=(low - 0.8, high + 0.8),
-        aspect="equal",
-        xlabel="r - R (µm)",
-        ylabel="z (µm)",
-    )
+    filled = ax.tripcolor(triangles, field / field.max(), shading="gouraud", cmap="magma", rasterized=True)
+    inner = grid.f2t[1] >= 0
+    first, second = mode.window.region[grid.f2t[:, inner]]
+    facets = grid.facets[:, inner]
+    x, y = grid.p[:, facets[:, first != second]]
+    ax.plot(x, y, color="white", linewidth=0.6, alpha=0.8)
+    in_core = mode.window.inside(mode.core)[:, 0]
+    x, y = grid.p[:, grid.t[:, in_core]]
+    ax.set_xlim(x.min() - 0.8, x.max() + 0.8)
+    ax.set_ylim(y.min() - 0.8, y.max() + 0.8)
+    ax.set(aspect="equal", xlabel="r - R (µm)", ylabel="z (µm)")
     ax.set_title(f"{mode.name}: n_eff {mode.n_eff:.4f}, n_g {mode.n_g:.4f}", fontsize="small", loc="left")
     ax.figure.colorbar(filled, ax=ax, label="|E| / largest", shrink=0.8)
     return ax

@@ -78,7 +78,8 @@ class _Readout(ABC):
         level = share * abs(of.thermal_resistance)
 
         def above(decade: float) -> float:
-            return float(np.abs(of.impedance(np.array([10.0**decade]))[0]) - level)
+            frequency = np.array([10.0**decade])
+            return float(np.abs(of.impedance(frequency)[0]) - level)
 
         return float(10 ** brentq(above, -3, 14, xtol=1e-10))
 
@@ -104,7 +105,8 @@ class _Readout(ABC):
         checks.instance("wave", wave, SquareWave, hint="edge times are those of a Constant or a SquareWave")
         times = period_times(wave, SAMPLES)
         light = self._light(of.periodic_response(wave, SAMPLES))
-        off = int(np.argmin(np.abs(times - wave.duty * wave.period)))
+        edge = wave.duty * wave.period
+        off = int(np.argmin(np.abs(times - edge)))
         rise, rise_10_90 = _crossings(times[: off + 1], light[: off + 1])
         fall, fall_10_90 = _crossings(times[off:] - times[off], light[off:])
         return EdgeTimes(rise, fall, rise_10_90, fall_10_90)
@@ -184,7 +186,8 @@ class RingEdge(_Readout):
         checks.between("depth", self.depth, 0, 1)
 
     def _light(self, delta_T: Any) -> Any:
-        return 1 - self.depth / (1 + (2 * (self.bias + self.shift * delta_T) / self.linewidth) ** 2)
+        detuning = self.bias + self.shift * delta_T
+        return 1 - self.depth / (1 + (2 * detuning / self.linewidth) ** 2)
 
 
 def thermal(model: Any) -> ThermalModel:
@@ -201,10 +204,13 @@ def _crossings(times: Array, light: Array) -> tuple[float, float]:
     way = light[-1] - light[0]
     part = (light - light[0]) / way if way else np.zeros(light.size)
 
-    def at(share: float) -> float:
+    def reaches(share: float) -> float:
         k = int(np.argmax(part >= share))
         if not k:
             return float("nan")
-        return float(times[k - 1] + (times[k] - times[k - 1]) * (share - part[k - 1]) / (part[k] - part[k - 1]))
+        dt = times[k] - times[k - 1]
+        dp = part[k] - part[k - 1]
+        return float(times[k - 1] + dt * (share - part[k - 1]) / dp)
 
-    return at(1 - np.exp(-1)), at(0.9) - at(0.1)
+    rise_10_90 = reaches(0.9) - reaches(0.1)
+    return reaches(1 - np.exp(-1)), rise_10_90

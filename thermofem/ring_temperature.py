@@ -201,9 +201,10 @@ def _step(heat: HeatProblem, heated: str, output: str | GuidedMode) -> Array:
     Raises InputError: no guided mode, a material without an index.
     """
     section = heat.geometry
-    guide = section.light
-    own = guide.part if guide is not None else CORE if CORE in section.heated else section.heated[0]
-    source = heated if heated in section.heated else own
+    source = heated
+    if heated not in section.heated:
+        core = CORE if CORE in section.heated else section.heated[0]
+        source = core if section.light is None else section.light.part
     if isinstance(output, GuidedMode):
         mode = light(heat, wavelength=output.wavelength).mode(output.name or None)
         heat = heat.with_light(mode)

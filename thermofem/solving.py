@@ -178,6 +178,8 @@ def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol
     """Provenance of the data: geometry, mesh, materials, solver, energy balance."""
     materials = [heat.geometry.material_of(name) for name in heat.regions]
     mesh_error, domain_error = heat.errors(heated, read)
+    sources = {material.name: material.source for material in materials}
+    numbers = {name: getattr(run, name) for name in NUMBERS}
     return {
         "heated": heated,
         "thermal_resistance": heat.thermal_resistance(heated, read),
@@ -187,31 +189,32 @@ def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol
         "mesh_hash": mesh_hash(heat.mesh),
         "accuracy": heat.accuracy,
         "unknowns": heat.unknowns,
-        "materials": json.dumps({material.name: material.source for material in materials}),
+        "materials": json.dumps(sources),
         "rtol": rtol,
-        **{name: getattr(run, name) for name in NUMBERS},
+        **numbers,
         "heat_imbalance": run.imbalance,
     }
 
 
 def mesh_hash(mesh: Mesh) -> str:
     """Twelve hexadecimal digits of the mesh's points, triangles and regions."""
-    content = b"".join(np.ascontiguousarray(a).tobytes() for a in (mesh.points, mesh.triangles, mesh.region))
-    return hashlib.sha256(content).hexdigest()[:12]
+    content = hashlib.sha256()
+    for array in (mesh.points, mesh.triangles, mesh.region):
+        content.update(np.ascontiguousarray(array).tobytes())
+    return content.hexdigest()[:12]
 
 
 def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:
     """Dataset of temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
     r, z = heat.mesh.points.T
-    kept = np.atleast_1d(np.asarray(field_times, dtype=float))
-    return xr.Dataset(
-        {
-            "field": (("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
-            "triangles": (("triangle", "corner"), heat.mesh.triangles),
-        },
-        {
-            "field_time": ("field_time", kept, dataset.describe("time")),
-            "r": ("vertex", r, dataset.describe("r")),
-            "z": ("vertex", z, dataset.describe("z")),
-        },
-    )
+    times = np.atleast_1d(np.asarray(field_times, dtype=float))
+    variables = {
+        "field": (("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
+        "triangles": (("triangle", "corner"), heat.mesh.triangles),
+    }
+    coordinates = {
+        "field_time": ("field_time", times, dataset.describe("time")),
+        "r": ("vertex", r, dataset.describe("r")),
+        "z": ("vertex", z, dataset.describe("z")),
+    }
+    return xr.Dataset(variables, coordinates)

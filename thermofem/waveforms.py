@@ -62,7 +62,8 @@ class Waveform:
         if self.period is None:
             return self.whole
         hint = "take a shorter run, or solve_periodic for settled heat"
-        checks.between(f"periods of {self.period:g} s", (stop - start) / self.period, 0, MOST_CYCLES, hint=hint)
+        periods = (stop - start) / self.period
+        checks.between(f"periods of {self.period:g} s", periods, 0, MOST_CYCLES, hint=hint)
         return self.whole.repeated(start, stop)
 
     def _covering(self, start: float, stop: float) -> Pieces:
@@ -70,17 +71,21 @@ class Waveform:
         whole = self._unrolled(start, stop)
         first, last = whole.edges[[0, -1]]
         slack = 1e-9 * (last - first)
-        if start < first - slack or stop > last + slack:
-            at = start if start < first - slack else stop
+        early = start < first - slack
+        if early or stop > last + slack:
+            unknown = start if early else stop
             raise InputError(
-                f"{type(self).__name__} asked at t = {at:g} s, known from {first:g} to {last:g} s",
+                f"{type(self).__name__} asked at t = {unknown:g} s, known from {first:g} to {last:g} s",
                 "give samples that cover the run, or repeat=True",
             )
         return whole
 
     def _at(self, t: ArrayLike, side: str) -> Array:
         times = np.asarray(t, dtype=float)
-        return self._covering(times.min(), times.max())(times, side) if times.size else np.zeros(times.shape)
+        if not times.size:
+            return np.zeros(times.shape)
+        pieces = self._covering(times.min(), times.max())
+        return pieces(times, side)
 
     def __call__(self, t: ArrayLike) -> Array:
         """The value at ``t`` in s, continuous from the right."""
@@ -118,14 +123,16 @@ class Steps(Waveform, ABC, stored=False):
     @cached_property
     def whole(self) -> Pieces:  # type: ignore[override]
         """Constant pieces; the first begins at -`ENDLESS`, and the last ends at `ENDLESS`."""
-        edges, levels = self.steps
-        return Pieces(np.concatenate([[-ENDLESS], edges, [ENDLESS]]), np.multiply.outer(levels, [1.0, 0.0, 0.0, 0.0]))
+        changes, levels = self.steps
+        edges = np.concatenate([[-ENDLESS], changes, [ENDLESS]])
+        return Pieces(edges, np.multiply.outer(levels, [1.0, 0.0, 0.0, 0.0]))
 
 
 def _on_off(power: float, times: Array, duration: float) -> tuple[Array, Array]:
     """Steps of a power that is on at first, changes at ``times``, and is off from ``duration`` on."""
     edges = np.append(times, duration) if times.size % 2 == 0 else times
-    return edges, power * (np.arange(edges.size + 1) % 2 == 0)
+    on = np.arange(edges.size + 1) % 2 == 0
+    return edges, power * on
 
 
 @dataclass(frozen=True)
@@ -257,7 +264,8 @@ class Telegraph(Steps):
     def steps(self) -> tuple[Array, Array]:
         """Times of change in s and power in W before, between and after them."""
         draw = np.random.default_rng(self.seed)
-        times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
+        count = int(2 * self.duration / self.dwell) + 20
+        times = np.cumsum(draw.exponential(self.dwell, count))
         return _on_off(self.power, times[times < self.duration], self.duration)
 
 
@@ -302,8 +310,10 @@ class Chirp(Steps):
         """Times of change in s and power in W before, between and after them."""
         rate = np.log(self.first / self.last) / self.duration
         cycles = np.expm1(rate * self.duration) / (rate * self.first)
-        phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
-        times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
+        starts = np.arange(np.ceil(cycles))
+        changes = (starts[:, None] + [0.0, self.duty]).ravel()[1:]
+        phase = changes[changes < cycles]
+        times = np.log1p(phase * rate * self.first) / rate
         return _on_off(self.power, times, self.duration)
 
 
@@ -365,21 +375,25 @@ class Symbols(Steps):
     def steps(self) -> tuple[Array, Array]:
         """Start and ends of all n mask nodes in s, (n + 1,), and power in W before, in and after them, (n + 2,)."""
         count = np.size(self.mask)
-        edges = self.start + np.arange(np.size(self.values) * count + 1) / (self.rate * count)
         nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
+        edges = self.start + np.arange(nodes.size + 1) / (self.rate * count)
         if self.noise:
-            nodes = nodes + self.noise * np.random.default_rng(self.seed).normal(size=nodes.size)
-        return edges, np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
+            draw = np.random.default_rng(self.seed)
+            nodes = nodes + self.noise * draw.normal(size=nodes.size)
+        power = np.maximum(self.bias + self.power * nodes, 0.0)
+        return edges, np.concatenate([[self.bias], power, [self.bias]])
 
     def samples(self, per_node: int = 1) -> Array:
         """Sample times in s at the ends of ``per_node`` equal parts of every mask node, one after the other."""
-        nodes = np.size(self.mask) * per_node
-        return self.start + np.arange(1, np.size(self.values) * nodes + 1) / (self.rate * nodes)
+        a_symbol = np.size(self.mask) * per_node
+        count = np.size(self.values) * a_symbol
+        return self.start + np.arange(1, count + 1) / (self.rate * a_symbol)
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Ends of mask nodes in s inside (start, stop), where the power changes."""
         edges, levels = self.steps
-        return inside(edges[levels[1:] != levels[:-1]], start, stop)
+        changes = levels[1:] != levels[:-1]
+        return inside(edges[changes], start, stop)
 
 
 class Samples(Waveform, stored=False):
@@ -407,8 +421,10 @@ class Samples(Waveform, stored=False):
         """A straight line between each two samples at different times."""
         times = np.asarray(self.times)
         values = np.asarray(self.values)
-        long = np.diff(times) > 0
-        a, slope = values[:-1][long], np.diff(values)[long] / np.diff(times)[long]
+        length = np.diff(times)
+        long = length > 0
+        a = values[:-1][long]
+        slope = np.diff(values)[long] / length[long]
         return Pieces(np.unique(times), np.stack([a, slope, 0 * a, 0 * a], axis=1))
 
 
@@ -505,12 +521,14 @@ class PiecewiseCubic(Waveform):
     @property
     def peak(self) -> float:
         """Largest value at an edge, W."""
-        return float(np.abs([self.whole.coefficients[:, 0], self.whole.ends]).max())
+        values = [self.whole.coefficients[:, 0], self.whole.ends]
+        return float(np.abs(values).max())
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Times in s inside (start, stop) where the value jumps by more than 1e-6 of the largest."""
         pieces = self._unrolled(start, stop)
-        jumps = np.abs(pieces.coefficients[1:, 0] - pieces.ends[:-1]) > 1e-6 * self.peak
+        heights = np.abs(pieces.coefficients[1:, 0] - pieces.ends[:-1])
+        jumps = heights > 1e-6 * self.peak
         return inside(pieces.edges[1:-1][jumps], start, stop)
 
 
@@ -569,43 +587,55 @@ class Function(Waveform, stored=False):
     def _at(self, t: ArrayLike, side: str) -> Array:
         """Evaluate f at ``t`` in s; a time at a breakpoint is shifted by round-off to its ``side``."""
         u = np.asarray(t, dtype=float)
-        edges, towards = self.edges, 1 if side == "right" else -1
+        edges = self.edges
+        towards = 1 if side == "right" else -1
         if self.period is not None:
-            edges = np.unique(np.concatenate([[0.0], edges, [self.period]]))
+            edges = self._marks(self.period)
             shift = 4 * np.spacing(np.abs(u)) + 4 * np.spacing(self.period)
             u = np.mod(u, self.period)
-            u = np.where((u <= shift) | (self.period - u <= shift), 0.0 if towards > 0 else self.period, u)
+            on_end = (u <= shift) | (self.period - u <= shift)
+            end = 0.0 if towards > 0 else self.period
+            u = np.where(on_end, end, u)
         if edges.size and u.size:
-            nearest = edges[np.clip(np.searchsorted((edges[1:] + edges[:-1]) / 2, u), 0, edges.size - 1)]
+            middles = (edges[1:] + edges[:-1]) / 2
+            nearest = edges[np.searchsorted(middles, u)]
             shift = 4 * np.spacing(np.abs(nearest))
-            u = np.where(np.abs(u - nearest) <= shift, nearest + 2 * towards * shift, u)
+            beside = nearest + 2 * towards * shift
+            u = np.where(np.abs(u - nearest) <= shift, beside, u)
         return self._values(u)
 
+    def _marks(self, period: float) -> Array:
+        """Breakpoints in s within one period, and its ends."""
+        return np.unique(np.concatenate([[0.0], self.edges, [period]]))
+
     def _values(self, t: Array) -> Array:
-        found: Array | None = None
+        values: Array | None = None
         with suppress(TypeError, ValueError, LookupError, ArithmeticError, AttributeError):  # f takes one time only
-            found = np.asarray(self.f(t), dtype=float)
-        if found is None or found.shape != t.shape:
+            values = np.asarray(self.f(t), dtype=float)
+        if values is None or values.shape != t.shape:
             try:
-                found = np.array([float(self.f(float(one))) for one in t.ravel()]).reshape(t.shape)
+                numbers = [float(self.f(float(time))) for time in t.ravel()]
             except Exception as error:
                 raise InputError(f"f fails: {error!r}", "it must return a number for every time in s") from error
-        if found.size:
-            largest = int(np.abs(found).argmax())  # or the first nan
-            checks.finite(f"f({t.flat[largest]:g} s)", found.flat[largest])
-        return found
+            values = np.array(numbers).reshape(t.shape)
+        if values.size:
+            largest = int(np.abs(values).argmax())  # or the first nan
+            checks.finite(f"f({t.flat[largest]:g} s)", values.flat[largest])
+        return values
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Given breakpoints in s inside (start, stop), and the ends of every period."""
         if self.period is None:
             return inside(self.edges, start, stop)
-        marks = np.unique(np.concatenate([[0.0], self.edges, [self.period]]))
-        return inside(Pieces(marks, np.zeros((marks.size - 1, 4))).repeated(start, stop).edges, start, stop)
+        marks = self._marks(self.period)
+        one_period = Pieces(marks, np.zeros((marks.size - 1, 4)))
+        return inside(one_period.repeated(start, stop).edges, start, stop)
 
     def pieces(self, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
         """Cubics within ``tolerance`` of the largest value; of a periodic function one period, repeated."""
         first, last = (start, stop) if self.period is None else (0.0, self.period)
-        whole = fitted(self, np.concatenate([[first], self.breakpoints(first, last), [last]]), tolerance)
+        marks = np.concatenate([[first], self.breakpoints(first, last), [last]])
+        whole = fitted(self, marks, tolerance)
         return whole if self.period is None else whole.repeated(start, stop).window(start, stop)
 
 
@@ -620,14 +650,15 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     Raises InputError: a smooth power that is negative or above 10 W somewhere (other waveforms check that at once).
     """
     check_wave("power", wave)
-    found = wave.pieces(start, stop, tolerance=tolerance)
+    pieces = wave.pieces(start, stop, tolerance=tolerance)
     if not wave.piecewise_linear:
-        low, high = bounds(found)
+        low, high = bounds(pieces)
+        largest = max(abs(low), abs(high), getattr(wave, "peak", 0.0))
         # what a cubic fit may fall below zero where the power is zero; 1e-6 of the largest power is no cooling
-        if low < -max(1e-6, 2 * tolerance) * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+        if low < -max(1e-6, 2 * tolerance) * largest:
             raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
         checks.power("power", max(high, 0.0), zero=True)
-    return found
+    return pieces
 
 
 def check_heating(wave: Waveform, stop: float | None) -> None:
@@ -650,11 +681,15 @@ def period_times(wave: Waveform, samples: int) -> Array:
     samples = checks.integer("samples", samples, 3, 10_000_000)
     times = np.arange(samples, dtype=float) * (period / (samples - 1))
     times[-1] = period
-    nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in breakpoints.tolist()}
-    if samples < 3 + 2 * breakpoints.size or len(nearest) < breakpoints.size:
-        raise InputError(f"samples = {samples} is too few for a period with {breakpoints.size} breakpoints inside")
-    for k, one in nearest.items():
-        times[k] = one
+    nearest = {}
+    for edge in breakpoints.tolist():
+        k = round(edge / period * (samples - 1))
+        nearest[min(max(k, 1), samples - 2)] = edge
+    count = breakpoints.size
+    if samples < 3 + 2 * count or len(nearest) < count:
+        raise InputError(f"samples = {samples} is too few for a period with {count} breakpoints inside")
+    for k, edge in nearest.items():
+        times[k] = edge
     return times
 
 

@@ -36,7 +36,7 @@ from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import FEWEST, Array, ArrayLike, autocorrelation, independent
+from thermofem.arrays import FEWEST_RESIDUALS, Array, ArrayLike, autocorrelation, independent
 from thermofem.data.dataset import Response
 
 
@@ -459,7 +459,7 @@ def is_noise(response: Response, residuals: Array) -> bool:
         slack = 1 + SIGMAS / np.sqrt(2 * rows)
         return bool(np.sqrt(square / n) <= response.rest_noise * slack)
     while not _is_white(residuals):
-        if residuals.size < 2 * FEWEST:
+        if residuals.size < 2 * FEWEST_RESIDUALS:
             return False
         pairs = residuals[: residuals.size // 2 * 2].reshape(-1, 2)
         residuals = pairs.mean(axis=1)
