@@ -133,8 +133,9 @@ class Campaign:
         for what, items in (("drive", self.drives), ("vary", self.variations)):
             checks.unique(f"{what} names", [item.name for item in items])
         for variation in self.variations:
-            own = known(variation.name)
-            if variation.name in taken or (own and own.unit != variation.unit):
+            variable = known(variation.name)
+            other_unit = variable is not None and variable.unit != variation.unit
+            if other_unit or variation.name in taken:
                 raise InputError(f"vary: name = {variation.name!r} is taken by the index or by files", "choose another")
 
     @classmethod
@@ -144,7 +145,8 @@ class Campaign:
         return files.read_toml(path, "campaign", lambda text: cls(**campaign_file.fields(text, folder)))
 
     def __len__(self) -> int:
-        return math.prod(len(v.values) for v in self.variations if v.values) * max(self.samples, 1)
+        listed = math.prod(len(v.values) for v in self.variations if v.values)
+        return listed * max(self.samples, 1)
 
     @cached_property
     def _table(self) -> dict[str, Any]:
@@ -164,8 +166,12 @@ class Campaign:
         """Points of the Latin hypercube: one in each of ``samples`` equal slices of every range, to nine digits."""
         from scipy.stats import qmc
 
-        shares = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed)).random(self.samples)
-        return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in shares]
+        cube = qmc.LatinHypercube(len(drawn), rng=np.random.default_rng(self.seed))
+        points = []
+        for shares in cube.random(self.samples):
+            numbers = [variation.at(share) for variation, share in zip(drawn, shares, strict=True)]
+            points.append([float(f"{number:.9g}") for number in numbers])
+        return points
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
@@ -288,20 +294,20 @@ def _solved(campaign: Campaign, case: Case) -> dict[str, xr.Dataset]:
     heat = _assembled(campaign, campaign.geometry_of(case.values))
     heated = campaign.heated or heat.heated[0]
     names = campaign.read or (heated,)
-    channels: dict[str, Any] = {"heated": heated, "read": names[0] if len(names) == 1 else names, "rtol": campaign.rtol}
+    read = names[0] if len(names) == 1 else names
+    options: dict[str, Any] = {"heated": heated, "read": read, "rtol": campaign.rtol}
+    resistances = [heat.thermal_resistance(heated, name) for name in names]
     results = {}
     for drive in campaign.drives:
         if drive.times:
-            found = solve(heat, drive.wave, drive.kept, **channels)
+            data = solve(heat, drive.wave, drive.kept, **options)
         else:
-            found = solve_periodic(heat, drive.wave, drive.samples, **channels)
-        found.attrs |= {
-            "thermal_resistances": [heat.thermal_resistance(heated, name) for name in names],
-            "drive": drive.name,
-            "campaign_case": case.key,
-            "campaign_values": json.dumps(campaign.named(case)),
-        }
-        results[drive.name] = found
+            data = solve_periodic(heat, drive.wave, drive.samples, **options)
+        data.attrs["thermal_resistances"] = resistances
+        data.attrs["drive"] = drive.name
+        data.attrs["campaign_case"] = case.key
+        data.attrs["campaign_values"] = json.dumps(campaign.named(case))
+        results[drive.name] = data
     return results
 
 

@@ -122,7 +122,7 @@ _DRIVE = {
     "name": TEXT, "power": "W", "pulse": "s", "square": "s", "duty": NUMBER, "periodic": FLAG, "duration": "s",
     "first": "s", "samples": ANY, "spacing": ANY,
 }  # fmt: skip
-MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
+MOST_POINTS = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "1/m", "1/K", "")
 
 
@@ -142,8 +142,8 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
         "read": read,
         "accuracy": top.get("accuracy", 1e-3),
         "rtol": top.get("rtol", 1e-4),
-        "samples": checks.integer("samples", top.get("samples", 0), 0, MOST),
-        "seed": checks.integer("seed", top.get("seed", 0), 0, MOST),
+        "samples": checks.integer("samples", top.get("samples", 0), 0, MOST_POINTS),
+        "seed": checks.integer("seed", top.get("seed", 0), 0, MOST_POINTS),
     }
 
 
@@ -180,7 +180,7 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
     if "count" not in table:
         return free
-    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, MOST))
+    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, MOST_POINTS))
     return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
 
 
@@ -223,14 +223,14 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
         wave = waveforms.SquareWave(watts, table["square"], table.get("duty", 1 / 3))
     name = table.get("name", kind)
     if periodic:
-        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST))
+        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST_POINTS))
     return Drive(name, wave, _times(table, where, checks.choice(f"{where}: spacing", spacing, ("linear", "log"))))
 
 
 def _times(table: dict[str, Any], where: str, spacing: str) -> tuple[float, ...]:
     """Times of a transient in s: 0, then evenly spaced in time, or in its logarithm from ``first`` on."""
     duration = checks.positive(f"{where}: duration", table.get("duration", 40e-6), unit="s")
-    samples = checks.integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2, MOST)
+    samples = checks.integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2, MOST_POINTS)
     if spacing == "linear":
         return tuple(map(float, np.linspace(0, duration, samples)))
     first = checks.positive(f"{where}: first", table.get("first", 1e-9), unit="s", at_most=duration)

@@ -89,22 +89,30 @@ class Folder:
 
     def status(self, keys: list[str]) -> list[str]:
         """Status of each geometry: "finished", "failed" or "waiting"."""
-        there = self.store.intact(keys)
-        return ["finished" if k in there else "failed" if self.failure(k).is_file() else "waiting" for k in keys]
+        finished = self.store.intact(keys)
+        words = []
+        for key in keys:
+            if key in finished:
+                words.append("finished")
+            else:
+                words.append("failed" if self.failure(key).is_file() else "waiting")
+        return words
 
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
         """Write the plan of the campaign into its folder."""
+        drives = []
+        for drive in campaign.drives:
+            waveform = waveforms.to_json(drive.wave)
+            drives.append({"name": drive.name, "waveform": waveform, "times": drive.kept.tolist()})
         plan = {
             "name": campaign.name,
             "geometry": campaign.geometry,
             "variations": [{"name": v.name, "paths": v.paths, "unit": v.unit} for v in campaign.variations],
-            "drives": [
-                {"name": s.name, "waveform": waveforms.to_json(s.wave), "times": s.kept.tolist()}
-                for s in campaign.drives
-            ],
+            "drives": drives,
             "cases": [[case.key, *case.values] for case in cases],
         }
-        files.write_whole(self.plan, lambda temporary: temporary.write_text(json.dumps(plan)))
+        text = json.dumps(plan)
+        files.write_whole(self.plan, lambda temporary: temporary.write_text(text))
 
     def read_plan(self) -> dict[str, Any]:
         """The plan as `write_plan` stored it; InputError where the folder holds none, or one with invalid keys."""
@@ -144,19 +152,23 @@ def write_collections(folder: Folder) -> None:
     plan = folder.read_plan()
     index = _index(folder, plan)
     netcdf.save(index, folder.directory / "index.nc")
-    netcdf.save(_training(index, [v["name"] for v in plan["variations"]]), folder.directory / "training.nc")
+    names = [variation["name"] for variation in plan["variations"]]
+    netcdf.save(_training(index, names), folder.directory / "training.nc")
 
 
 def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     """All geometries of a plan as one Dataset."""
     keys = [case[0] for case in plan["cases"]]
     status = folder.status(keys)
-    found = [
-        _read(folder.store.path(key), plan["drives"]) if one == "finished" else None
-        for key, one in zip(keys, status, strict=True)
-    ]
-    there = next((k for k, row in enumerate(found) if row is not None), None)
-    probes = [] if there is None else _probes(folder.store.path(keys[there]))
+    rows: list[Row | None] = []
+    probes: list[str] = []
+    for key, state in zip(keys, status, strict=True):
+        row = None
+        if state == "finished":
+            path = folder.store.path(key)
+            row = _read(path, plan["drives"])
+            probes = probes or _probes(path)
+        rows.append(row)
     coords: dict[str, Any] = {
         "probe": ("probe", np.array(probes, dtype=object), {"long_name": "part whose mean is read"}),
         "key": ("case", np.array(keys, dtype=object), {"long_name": "content hash, the name of the file"}),
@@ -164,16 +176,20 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     for k, variation in enumerate(plan["variations"], 1):
         values = [case[k] for case in plan["cases"]]
         word = any(isinstance(value, str) for value in values)
-        attrs = {"long_name": ", ".join(variation["paths"])} | ({} if word else {"units": variation["unit"] or "1"})
+        attrs = {"long_name": ", ".join(variation["paths"])}
+        if not word:
+            attrs["units"] = variation["unit"] or "1"
         coords[variation["name"]] = ("case", np.array(values, dtype=object if word else float), attrs)
+    reasons = [folder.reason(key) for key in keys]
     data: dict[str, Any] = {
         "status": ("case", np.array(status, dtype=object), {"long_name": "whether there is a result"}),
-        "reason": ("case", np.array([folder.reason(k) for k in keys], dtype=object), {"long_name": "why not"}),
+        "reason": ("case", np.array(reasons, dtype=object), {"long_name": "why not"}),
     }
 
     def over_case(name: str, dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> None:
         none = np.full(shape, np.nan)
-        data[name] = (("case", *dims), np.array([none if row is None else row[name] for row in found]), attrs)
+        values = [none if row is None else row[name] for row in rows]
+        data[name] = (("case", *dims), np.array(values), attrs)
 
     for drive in plan["drives"]:
         name = drive["name"]

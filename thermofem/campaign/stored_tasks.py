@@ -65,7 +65,12 @@ class Store:
     def intact(self, keys: list[str]) -> set[str]:
         """Keys whose file exists with the content that was written."""
         hashes = self.hashes()
-        return {k for k in keys if k in hashes and self.path(k).is_file() and files.digest(self.path(k)) == hashes[k]}
+        unchanged = set()
+        for key in keys:
+            path = self.path(key)
+            if key in hashes and path.is_file() and files.digest(path) == hashes[key]:
+                unchanged.add(key)
+        return unchanged
 
     def read(self, key: str) -> bytes | None:
         """Content of a result, or None where it is missing or damaged."""

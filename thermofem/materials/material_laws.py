@@ -66,7 +66,8 @@ class PowerLaw:
         n = self.exponent + 1
         scale = (start / self.reference) ** self.exponent * start
         below = (rise - above) * (COLDEST / self.reference) ** self.exponent
-        return np.asarray((scale / n * np.expm1(n * log) if n else scale * log) + below)
+        integral = scale / n * np.expm1(n * log) if n else scale * log
+        return np.asarray(integral + below)
 
 
 @dataclass(frozen=True)
@@ -112,8 +113,11 @@ def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
     """Coefficients of the integral of f from ``start`` as a polynomial in the rise; cached."""
     x = start - law.reference
     f = np.polynomial.Polynomial((1.0, *law.coefficients))
-    about = (float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(law.coefficients) + 1))
-    return (0.0, *about)
+    coefficients = [0.0]
+    for k in range(len(law.coefficients) + 1):
+        derivative = float(f.deriv(k)(x))
+        coefficients.append(derivative / math.factorial(k + 1))
+    return tuple(coefficients)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
@@ -146,7 +150,8 @@ class Table:
         T = checks.array("temperature", self.temperatures)
         values = checks.array("values", self.values)
         checks.shape("values", values, T.shape)
-        if T.size < 2 or np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
+        increasing = T.size > 1 and T[0] >= COLDEST and np.all(np.diff(T) > 0)
+        if not increasing or np.any(values <= 0):
             raise checks.InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
         object.__setattr__(self, "temperatures", tuple(map(float, T)))
         object.__setattr__(self, "values", tuple(map(float, values)))
@@ -158,7 +163,8 @@ class Table:
 
     def value(self, T: ArrayLike) -> Array:
         """The property at T in K, monotone cubic between the rows, constant beyond them; in the unit of ``values``."""
-        return np.asarray(self._curve(np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])))
+        within = np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])
+        return np.asarray(self._curve(within))
 
     def factor(self, T: ArrayLike) -> Array:
         """Factor f(T) of the property, dimensionless, shape of ``T``."""
@@ -176,8 +182,12 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
     knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]
     inside = (left >= T[0]) & (left < T[-1])
-    slopes = [np.where(inside, table._curve(left, k), 0.0) / math.factorial(k) for k in (3, 2, 1)]
-    curve = PPoly(np.stack([*slopes, table.value(left)]), knots - start)
+    coefficients = []
+    for k in (3, 2, 1):
+        derivative = np.where(inside, table._curve(left, k), 0.0)
+        coefficients.append(derivative / math.factorial(k))
+    coefficients.append(table.value(left))
+    curve = PPoly(np.stack(coefficients), knots - start)
     if integrated:
         curve = curve.antiderivative()
         curve.c[-1] -= curve(0.0)
@@ -227,7 +237,7 @@ def is_constant(law: Law) -> bool:
     return isinstance(law, PowerLaw) and law.exponent == 0
 
 
-MOST = 20.0  # of an index; no transparent material has more than 6
+LARGEST_INDEX = 20.0  # no transparent material has more than 6
 
 
 class IndexLaw(Protocol):
@@ -259,7 +269,7 @@ class Sellmeier:
         """
         _check_range(wavelength, *self.range)
         square = self.constant + sum(B * wavelength**2 / (wavelength**2 - C**2) for B, C in self.terms)
-        return math.sqrt(checks.between(f"n^2 at {wavelength:g} m", square, 1.0, MOST**2))
+        return math.sqrt(checks.between(f"n^2 at {wavelength:g} m", square, 1.0, LARGEST_INDEX**2))
 
     def group_index(self, wavelength: float) -> float:
         """Group index n - lambda dn/dlambda = (n^2 - (lambda/2) d(n^2)/dlambda)/n."""
@@ -279,7 +289,9 @@ class IndexTable:
     def __post_init__(self) -> None:
         L = checks.array("wavelength", self.wavelengths)
         n = checks.array("values", self.values)
-        if L.size != n.size or L.size < 4 or np.any(np.diff(L) <= 0) or n.min() < 1 or n.max() > MOST:
+        increasing = L.size >= 4 and np.all(np.diff(L) > 0)
+        possible = n.size == L.size and n.min() >= 1 and n.max() <= LARGEST_INDEX
+        if not increasing or not possible:
             raise checks.InputError(
                 "an index table needs four or more increasing wavelengths, and an index >= 1 for each"
             )
@@ -300,7 +312,7 @@ class IndexTable:
 
 def constant_index(n: float) -> Sellmeier:
     """The law of a material without dispersion."""
-    return Sellmeier(constant=checks.between("index", n, 1, MOST) ** 2)
+    return Sellmeier(constant=checks.between("index", n, 1, LARGEST_INDEX) ** 2)
 
 
 def fixed_index(law: Any) -> float | None:
@@ -345,16 +357,23 @@ def read_index(given: Any, where: str) -> IndexLaw:
     """
     if isinstance(given, str):
         return INDEX_LAWS[checks.choice(f"{where}: index", given, INDEX_LAWS)]
-    if isinstance(given, dict) and set(given) <= {"sellmeier", "constant"} and isinstance(given.get("sellmeier"), list):
-        pairs = [pair if isinstance(pair, list) and len(pair) == 2 else [None, None] for pair in given["sellmeier"]]
-        terms = tuple((checks.finite(f"{where}: B", B), quantity.parse(C, "m", name=f"{where}: C")) for B, C in pairs)
+    if not isinstance(given, dict):
+        return constant_index(checks.finite(f"{where}: index", given))
+    if given.keys() <= {"sellmeier", "constant"} and isinstance(given.get("sellmeier"), list):
+        terms = tuple(_term(pair, where) for pair in given["sellmeier"])
         return Sellmeier(terms, checks.finite(f"{where}: constant", given.get("constant", 1.0)))
-    if isinstance(given, dict) and set(given) == {"wavelength", "values"}:
-        at = tuple(quantity.parse(one, "m", name=f"{where}: wavelength") for one in given["wavelength"])
-        return IndexTable(at, tuple(checks.finite(f"{where}: values", n) for n in given["values"]))
-    if isinstance(given, dict):
-        raise checks.InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
-    return constant_index(checks.finite(f"{where}: index", given))
+    if given.keys() == {"wavelength", "values"}:
+        wavelengths = tuple(quantity.parse(L, "m", name=f"{where}: wavelength") for L in given["wavelength"])
+        values = tuple(checks.finite(f"{where}: values", n) for n in given["values"])
+        return IndexTable(wavelengths, values)
+    raise checks.InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
+
+
+def _term(pair: Any, where: str) -> tuple[float, float]:
+    """B and C (m) of a term of a Sellmeier sum."""
+    B, C = pair if isinstance(pair, list) and len(pair) == 2 else (None, None)
+    number = checks.finite(f"{where}: B", B)
+    return number, quantity.parse(C, "m", name=f"{where}: C")
 
 
 def write_index(law: Any) -> Any:

@@ -272,7 +272,7 @@ def find(name: str, overrides: Iterable[Material] = (), *, what: str = "material
     return known[checks.choice(what, name, known, hint="add it in a [material.NAME] table")]
 
 
-SAME = 1e-9  # relative; a value beside a table is that of its curve within round-off
+SAME_VALUE = 1e-9  # relative; a value beside a table is that of its curve within round-off
 PROPERTIES = ("conductivity", "density", "specific_heat")
 _COMMON = {"exponent": "", "reference": "K", "polynomial": "anything", "temperature": "anything", "values": "anything"}
 LAW_KEYS = {
@@ -302,17 +302,22 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
                 raise checks.InputError(rule)
     if isinstance(law, Table):
         value = _of_table(law, value, unit, f"{of}: {'r' if 'r' in given else 'value'}")
-    return {key: value, f"{key}_law": law} | ({"conductivity_z": given["z"]} if "z" in given else {})
+    values = {key: value, f"{key}_law": law}
+    if "z" in given:
+        values["conductivity_z"] = given["z"]
+    return values
 
 
 def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
     """Value of a property that a table gives; InputError where ``value`` is given beside it and differs."""
-    own = float(law.value(law.reference))
-    if value is None or math.isclose(value, own, rel_tol=SAME):
-        return own if value is None else value
-    said = quantity.write(value, unit)
-    there = quantity.rounded(own, unit, 6)
-    raise checks.InputError(f"{name} = {said}, but the table has {there} at {law.reference:g} K; leave it out")
+    of_table = float(law.value(law.reference))
+    if value is None:
+        return of_table
+    if math.isclose(value, of_table, rel_tol=SAME_VALUE):
+        return value
+    beside = quantity.write(value, unit)
+    there = quantity.rounded(of_table, unit, 6)
+    raise checks.InputError(f"{name} = {beside}, but the table has {there} at {law.reference:g} K; leave it out")
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
@@ -329,7 +334,7 @@ def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
 def _written(law: Any, value: float, unit: str) -> list[str]:
     """Values of a temperature table as text, scaled so that the property has ``value`` at the reference temperature."""
     own = float(law.value(law.reference))
-    scale = 1.0 if math.isclose(value, own, rel_tol=SAME) else value / own
+    scale = 1.0 if math.isclose(value, own, rel_tol=SAME_VALUE) else value / own
     return [quantity.write(v * scale, unit) for v in law.values]
 
 

@@ -27,7 +27,7 @@ from .contract import Delegates, ThermalModel, columns, keep_names, names, parts
 from .foster import Foster, linear_poles
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
-MOST = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
+MOST_POLES = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,9 @@ def cauer(model: ThermalModel) -> Cauer:
     Raises
     ------
     InputError
-        a network that is not passive, or whose R are all zero; more than `MOST` poles, or so many so near each other
-        that R or C of the ladder exceed 1e100 (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out, equal
-        time constants merged.
+        a network that is not passive, or whose R are all zero; more than `MOST_POLES` poles, or so many so near each
+        other that R or C of the ladder exceed 1e100 (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out,
+        equal time constants merged.
     """
     if isinstance(model, Cauer):
         return model
@@ -121,7 +121,7 @@ def cauer(model: ThermalModel) -> Cauer:
         raise checks.InputError("model has no ladder: it is not passive (an R is negative), or never warms up (all 0)")
     tau, group = np.unique(tau[R > 0], return_inverse=True)
     R = np.bincount(group, weights=R[R > 0])
-    checks.integer("poles of the ladder", R.size, 1, MOST, hint=FEWER)
+    checks.integer("poles of the ladder", R.size, 1, MOST_POLES, hint=FEWER)
     ladder_R = []
     ladder_C = []
     with localcontext() as context:
@@ -174,7 +174,8 @@ def foster_of(ladder: Cauer) -> Foster:
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
     tau = 1 / sigma**2
-    return Foster(R=modes[:, 0] ** 2 / C[0] * tau, tau=tau, inputs=ladder.inputs, outputs=ladder.outputs)
+    gain = modes[:, 0] ** 2 / C[0]
+    return Foster(R=gain * tau, tau=tau, inputs=ladder.inputs, outputs=ladder.outputs)
 
 
 def structure_function(model: ThermalModel) -> xr.Dataset:
@@ -191,8 +192,8 @@ def structure_function(model: ThermalModel) -> xr.Dataset:
         over ``node``: ``resistance`` (K/W), ``capacity`` (J/K), both cumulative.
     """
     ladder = cauer(model)
-    fields = {
-        "resistance": (np.cumsum(ladder.R), "K/W", "cumulative thermal resistance"),
-        "capacity": (np.cumsum(ladder.C), "J/K", "cumulative heat capacity"),
-    }
-    return xr.Dataset({k: ("node", v, {"units": u, "long_name": w}) for k, (v, u, w) in fields.items()})
+    about_R = {"units": "K/W", "long_name": "cumulative thermal resistance"}
+    about_C = {"units": "J/K", "long_name": "cumulative heat capacity"}
+    resistance = ("node", np.cumsum(ladder.R), about_R)
+    capacity = ("node", np.cumsum(ladder.C), about_C)
+    return xr.Dataset({"resistance": resistance, "capacity": capacity})

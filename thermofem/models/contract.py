@@ -224,13 +224,17 @@ def parts(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
     """List of JSON objects, one for each index of two named arrays; the inverse of `columns`."""
-    pairs = zip(np.asarray(first[1]).tolist(), np.asarray(second[1]).tolist(), strict=True)
-    return [{first[0]: one, second[0]: other} for one, other in pairs]
+    name, numbers = first
+    other, others = second
+    pairs = zip(np.asarray(numbers).tolist(), np.asarray(others).tolist(), strict=True)
+    return [{name: x, other: y} for x, y in pairs]
 
 
 def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
     """Lists of numbers by key, one for each key of ``units``, from the list of JSON objects content[which]."""
-    return {
-        name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(content[which])]
-        for name, unit in units.items()
-    }
+    lists: dict[str, Any] = {name: [] for name in units}
+    for name, unit in units.items():
+        for i, item in enumerate(content[which]):
+            number = checks.finite(f"{which}[{i}].{name}", item[name], unit=unit)
+            lists[name].append(number)
+    return lists

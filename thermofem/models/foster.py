@@ -253,13 +253,10 @@ def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEA
     8.87e+05, 0.31
     """
     tau = np.asarray(model.tau, dtype=float)
-    c = model.gain * heat_capacity  # in order of tau: fast, slow
-    return {
-        "kappa": float(c[0] / tau[1] + c[1] / tau[0]),
-        "tau_f": float(tau[0]),
-        "tau_s": float(tau[1]),
-        "eta": float(c.sum()),
-    }
+    c_f, c_s = model.gain * heat_capacity
+    tau_f, tau_s = tau.tolist()
+    kappa = c_f / tau_s + c_s / tau_f
+    return {"kappa": float(kappa), "tau_f": tau_f, "tau_s": tau_s, "eta": float(c_f + c_s)}
 
 
 def check_heat_capacity(value: float) -> float:
@@ -333,8 +330,9 @@ class OutputMap(AtSmallPower):
         z = checks.numbers("z", z)
         if np.any(1 + 2 * self.coefficient * z <= 0):
             top = -0.5 / self.coefficient
+            largest = z.flat[np.argmax(np.abs(z))]
             raise checks.InputError(
-                f"a linear rise of {z.flat[np.argmax(np.abs(z))]:.4g} K lies beyond the top of the output map at "
+                f"a linear rise of {largest:.4g} K lies beyond the top of the output map at "
                 f"{top:.4g} K; the power is far beyond what the coefficient describes"
             )
         return z + self.coefficient * z * z

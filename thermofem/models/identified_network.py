@@ -115,15 +115,20 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)
     tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
-    R, fault = tau, ""
-    if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)) or np.any(rate.real >= 0):
+    R = tau
+    fault = ""
+    oscillates = np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate))
+    if oscillates or np.any(rate.real >= 0):
         fault = f"it oscillates or is not stable, with the poles {rate} 1/s"
     else:
-        R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
-        if np.any(R < 0):
-            fault = f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)"
-        elif abs(R.sum() - static) > STATIC * static:
-            fault = f"its static gain is {R.sum():.5g} K/W, not {static:.5g}"
+        weights = np.linalg.solve(modes, b)
+        R = np.real(modes[0] * weights) * tau
+        worst = np.argmin(R)
+        gain = R.sum()
+        if R[worst] < 0:
+            fault = f"it is not passive (R = {R[worst]:.3g} K/W at tau = {tau[worst]:.3g} s)"
+        elif abs(gain - static) > STATIC * static:
+            fault = f"its static gain is {gain:.5g} K/W, not {static:.5g}"
     if fault:
         raise checks.InputError(f"the identified network is refused: {fault}")
     return Foster(R=R, tau=tau, inputs=(name,), outputs=(name,))

@@ -75,7 +75,9 @@ class Quadratic:
         for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
             value = checks.numbers(name, getattr(self, name))
             checks.shape(name, value, shape)
-            checks.keep(self, **{name: (value + value.transpose(0, 2, 1)) / 2 if name == "H" else value})
+            if name == "H":
+                value = (value + value.transpose(0, 2, 1)) / 2
+            checks.keep(self, **{name: value})
         slowest = float(np.linalg.eigvals(-self.A).real.min())
         checks.positive("rate of the slowest pole of A", slowest, unit="1/s", hint="every pole must decay")
         keep_names(self)
@@ -107,22 +109,26 @@ class Quadratic:
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, also for equal poles."""
         t = np.maximum(checks.numbers("times", times), 0)
-        n, read = self.order, np.linalg.solve(self.A.T, self.C)
-        settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow
+        weight = np.linalg.solve(self.A.T, self.C)
+        slowest = np.abs(np.linalg.eigvals(self.A).real).min()
+        settled = 1e3 / slowest  # s; expm of a longer time would overflow
 
         def rise(t: Array) -> Array:
-            moved = expm(np.minimum(t, settled)[..., None] * self.A) @ self.B - self.B
-            return np.asarray(moved @ read)
+            flow = expm(np.minimum(t, settled)[..., None] * self.A)
+            return np.asarray((flow @ self.B - self.B) @ weight)
 
-        return in_pieces(rise, t, n * n)
+        return in_pieces(rise, t, self.order**2)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """Z(f) = C (2 pi i f - A)^-1 B at small power in K/W."""
         f = checks.numbers("frequency", frequency)
-        n, B = self.order, self.B[:, None]
-        return in_pieces(
-            lambda f: np.linalg.solve(2j * np.pi * f[..., None] * np.eye(n) - self.A, B)[..., 0] @ self.C, f, n * n
-        )
+        eye = np.eye(self.order)
+
+        def read(f: Array) -> Any:
+            states = np.linalg.solve(2j * np.pi * f[..., None] * eye - self.A, self.B[:, None])
+            return states[..., 0] @ self.C
+
+        return in_pieces(read, f, self.order**2)
 
     def rate(self, x: Array, power: float) -> Array:
         """dx/dt for states x, shape (n,), in K/s, at a power in W."""
@@ -134,7 +140,8 @@ class Quadratic:
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest: LSODA from one breakpoint to the next."""
-        return warn_beyond((self.states(wave, times) @ self.C).reshape(np.shape(times)), self.largest_rise)
+        rise = self.states(wave, times) @ self.C
+        return warn_beyond(rise.reshape(np.shape(times)), self.largest_rise)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K, by Newton's method on the period map."""
@@ -143,8 +150,8 @@ class Quadratic:
     def steady_rise(self, power: ArrayLike) -> Array:
         """Static rise in K at constant power in W, shape of ``power``."""
         power = checks.numbers("power", power)
-        rise = np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
-        return warn_beyond(rise, self.largest_rise)
+        rise = np.array([self.C @ self.steady_state(p) for p in power.ravel()])
+        return warn_beyond(rise.reshape(power.shape), self.largest_rise)
 
     def steady_state(self, power: float) -> Array:
         """States at constant power, on the branch that begins at rest.
@@ -158,9 +165,11 @@ class Quadratic:
         x = np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
             for _ in range(20):
-                change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
+                rate = self.rate(x, share * power)
+                change = np.linalg.solve(self.jacobian(x, share * power), rate)
                 x = x - change
-                if np.abs(change).max() <= 1e-12 * np.abs(x).max() + _TINY:
+                size = np.abs(change).max()
+                if size <= 1e-12 * np.abs(x).max() + _TINY:
                     break
             else:
                 raise checks.InputError(f"power = {power:g} W: the quadratic model has no steady state there")
@@ -173,8 +182,8 @@ class Quadratic:
         stop = max(float(t.max()), _TINY)
         pieces = waveforms.heating_pieces(wave, 0.0, stop)
         x = np.zeros(self.order) if initial is None else initial
-        peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
-        scale = self._size(peak) + np.abs(x)
+        peaks = np.abs([pieces.coefficients[:, 0], pieces.ends])
+        scale = self._size(float(peaks.max())) + np.abs(x)
         result = np.empty((t.size, self.order))
         result[t == 0] = x
         if not t.any():
@@ -182,9 +191,9 @@ class Quadratic:
         marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
         for a, b in pairwise(marks):
             inside = (t > a) & (t <= b)
-            wanted, back = np.unique(t[inside], return_inverse=True)
-            track = self._stretch(x, np.unique([a, *wanted, b]), pieces, RTOL * scale)
-            result[inside] = track[1 : 1 + wanted.size][back]
+            distinct, back = np.unique(t[inside], return_inverse=True)
+            track = self._stretch(x, np.unique([a, *distinct, b]), pieces, RTOL * scale)
+            result[inside] = track[1 : 1 + distinct.size][back]
             x = track[-1]
         return result
 
@@ -208,7 +217,8 @@ class Quadratic:
     def _size(self, power: float) -> Array:
         """Size of every state at a constant power, first plus second order, shape (n,), which scales the tolerances."""
         first = -np.linalg.solve(self.A, self.B) * power
-        second = np.linalg.solve(self.A, (self.H @ first) @ first + power * (self.G @ first))
+        force = (self.H @ first) @ first + power * (self.G @ first)
+        second = np.linalg.solve(self.A, force)
         return np.asarray(np.abs(first) + np.abs(second))
 
     def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
@@ -216,9 +226,12 @@ class Quadratic:
 
         The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
         """
-        start, stop = times[0], times[-1]
-        first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
-        last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))
+        start = times[0]
+        stop = times[-1]
+        slack = 1e-9 * (stop - start)
+        after = int(np.searchsorted(pieces.edges, start + slack, side="right"))
+        first = max(after - 1, 0)
+        last = int(np.searchsorted(pieces.edges, stop - slack, side="left"))
         edges = pieces.edges[first:last] - start
         coefficients = pieces.coefficients[first:last].tolist()
         if not np.any(x) and not np.any(coefficients):
@@ -227,11 +240,13 @@ class Quadratic:
 
         def power(t: float) -> float:
             k = max(bisect_right(starts, t) - 1, 0)
-            u, (a, b, c, d) = t - starts[k], coefficients[k]
+            a, b, c, d = coefficients[k]
+            u = t - starts[k]
             return float(a + u * (b + u * (c + u * d)))
 
         ends = np.append(edges[1:], stop - start)
-        grid, where = np.unique(np.concatenate([times - start, ends]), return_inverse=True)
+        marks = np.concatenate([times - start, ends])
+        grid, where = np.unique(marks, return_inverse=True)
         with warnings.catch_warnings():
             warnings.simplefilter("error", ODEintWarning)
             warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line

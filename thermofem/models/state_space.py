@@ -55,7 +55,8 @@ class StateSpace:
 
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
-            checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
+            matrix = _matrix(name, getattr(self, name), sparse=name in ("E", "A"))
+            checks.keep(self, **{name: matrix})
         keep_names(self, single=False)
         n = self.A.shape[0]
         shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
@@ -86,10 +87,11 @@ class StateSpace:
 
     def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
         """The subsystem of one input and one output (default: the first of each)."""
-        i = self.inputs.index(checks.choice("heated", heated, self.inputs, default=self.inputs[0]))
-        j = self.outputs.index(checks.choice("read", read, self.outputs, default=self.outputs[0]))
-        names: dict[str, Any] = {"inputs": (self.inputs[i],), "outputs": (self.outputs[j],)}
-        return StateSpace(self.E, self.A, self.B[:, [i]], self.C[[j]], origin=self.origin, **names)
+        heated = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
+        read = checks.choice("read", read, self.outputs, default=self.outputs[0])
+        B = self.B[:, [self.inputs.index(heated)]]
+        C = self.C[[self.outputs.index(read)]]
+        return StateSpace(self.E, self.A, B, C, (heated,), (read,), self.origin)
 
     def of_rings(self, names: Sequence[str]) -> StateSpace:
         """The same system with only the outputs ``names``, whose inputs come first; of an array itself.
@@ -147,26 +149,32 @@ class StateSpace:
         """
         check_symmetric(E=self.E, A=self.A, hint=REFUSAL)
         if self.order <= LARGEST:
-            for name, matrix in (("E", self._sparse("E").toarray()), ("-A", -self._sparse("A").toarray())):
-                if not _definite(matrix):
+            matrices = {"E": self._sparse("E"), "-A": -self._sparse("A")}
+            for name, matrix in matrices.items():
+                if not _definite(matrix.toarray()):
                     raise checks.InputError(f"{name} is not positive definite: some mode would not decay", REFUSAL)
 
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K/W after a unit step, see `response`; zero before t = 0."""
-        milliwatt, t = 1e-3, np.maximum(checks.numbers("times", times), 0)
-        return self.response(waveforms.Constant(milliwatt), t, rtol=rtol) / milliwatt if t.size else t
+        t = np.maximum(checks.numbers("times", times), 0)
+        if not t.size:
+            return t
+        milliwatt = 1e-3
+        return self.response(waveforms.Constant(milliwatt), t, rtol=rtol) / milliwatt
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
         check_single(self)
         E = self._sparse("E")
         A = self._sparse("A")
-        wanted = checks.numbers("frequency", frequency)
-        f = wanted.ravel()
+        frequencies = checks.numbers("frequency", frequency)
+        z = []
         with singular_refused():
-            factors = (splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A") for w in f)
-            z = [self.C[0] @ factor.solve(self.B[:, 0] + 0j) for factor in factors]
-        return np.asarray(z, dtype=complex).reshape(wanted.shape)
+            for f in frequencies.ravel():
+                factor = splu((2j * np.pi * f) * E - A, permc_spec="MMD_AT_PLUS_A")
+                states = factor.solve(self.B[:, 0] + 0j)
+                z.append(self.C[0] @ states)
+        return np.asarray(z, dtype=complex).reshape(frequencies.shape)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest: in closed form (`transient.modal`) where the power is piecewise linear, else stepped.
@@ -227,7 +235,6 @@ class StateSpace:
 
     def check_passive(self) -> None:
         """Raise InputError where a mode does not decay, or a pole cools a part that is heated and read."""
-        own = [(self.outputs.index(part), i) for i, part in enumerate(self.inputs) if part in self.outputs]
         if self.order > LARGEST:  # of a file: both are diagonal
             capacity = self._sparse("E").diagonal()
             rate = -self._sparse("A").diagonal()
@@ -238,8 +245,10 @@ class StateSpace:
             rate, modes = eigenmodes(self)
             B = modes.T @ self.B
             C = self.C @ modes
-        for j, i in own:
-            check_residues(C[j] * B[:, i] / rate, round_off=ROUND_OFF)
+        for i, part in enumerate(self.inputs):
+            if part in self.outputs:
+                j = self.outputs.index(part)
+                check_residues(C[j] * B[:, i] / rate, round_off=ROUND_OFF)
 
 
 def _square(content: Mapping[str, Any], name: str) -> Array:
@@ -265,8 +274,9 @@ def _definite(matrix: Array) -> bool:
     if np.any(diagonal <= 0):
         return False
     length = np.sqrt(diagonal)
+    scaled = matrix / length / length[:, None]
     try:
-        np.linalg.cholesky(matrix / length / length[:, None] + ROUND_OFF * np.eye(len(matrix)))
+        np.linalg.cholesky(scaled + ROUND_OFF * np.eye(len(matrix)))
     except np.linalg.LinAlgError:
         return False
     return True
@@ -280,8 +290,9 @@ def foster(system: StateSpace) -> Foster:
     """
     check_single(system)
     rate, modes = eigenmodes(system)
-    R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
-    return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
+    read = system.C[0] @ modes
+    heated = modes.T @ system.B[:, 0]
+    return Foster(R=read * heated / rate, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
 
 
 def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
