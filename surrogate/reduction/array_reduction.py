@@ -33,7 +33,16 @@ from thermofem.fem import HeatProblem
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
-from .ring_pairs import SAME, Pairs, RingKinds, check_positions, reduce_pairs, ring_positions, rings_of, with_copies
+from .ring_pairs import (
+    SAME_DISTANCE,
+    Pairs,
+    RingKinds,
+    check_positions,
+    reduce_pairs,
+    ring_positions,
+    rings_of,
+    with_copies,
+)
 
 _TIMES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
@@ -213,9 +222,9 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
         if g not in (rings.of[i], rings.of[j]):
             continue
         reader = rings.of[i] if rings.of[j] == g else rings.of[j]
-        key = (int(reader), round(float(apart[i, j]) / SAME))
+        key = (int(reader), round(float(apart[i, j]) / SAME_DISTANCE))
         if key not in known:
-            readers.append((int(reader), key[1] * SAME))
+            readers.append((int(reader), key[1] * SAME_DISTANCE))
             known[key] = len(readers)
         row[i, j] = known[key]
     solved, copies = with_copies(rings, g, readers)

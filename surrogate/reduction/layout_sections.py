@@ -20,9 +20,9 @@ from thermofem.geometry.shapes import UM
 
 from .reduce import reduce
 from .shape_points import LANE, PER_GAP, Spread, centre_points, distances, points_of
-from .stack_green import HELD, SAMPLES, Stack
+from .stack_green import DISTANCES, HELD, Stack
 
-PER_DECADE = 6  # frequencies
+FREQUENCIES_PER_DECADE = 6  # frequencies
 ENDLESS = 1e2  # 1/s, slowest rate that is resolved on a substrate without a bottom, whose spectrum begins at 0
 SECTION = 0.2  # of the tolerance, for the mesh of a section
 BEND = 1.0  # error of a gain over w h/R^2
@@ -87,7 +87,7 @@ class Layout:
     def frequencies(self, tolerance: float) -> Array:
         """0, and angular frequencies in rad/s up to where every own rise is below a tenth of the tolerance."""
         low = 0.1 * (self.stack.slowest or ENDLESS)
-        omega = np.concatenate([[0.0], np.geomspace(low, 1e16, round(PER_DECADE * np.log10(1e16 / low)))])
+        omega = np.concatenate([[0.0], np.geomspace(low, 1e16, round(FREQUENCIES_PER_DECADE * np.log10(1e16 / low)))])
         needed = 2
         for (i, j), local in self.locals.items():
             if i == j:
@@ -104,7 +104,7 @@ class Layout:
         lines = self._differences(s)
         for pairs, heated, read in self._kinds():
             r, G = self.stack.over_distance(s, heated, read)
-            rough, G0 = self.stack.over_distance(s[:1], heated, read, SAMPLES // 2)
+            rough, G0 = self.stack.over_distance(s[:1], heated, read, DISTANCES // 2)
             for i, j in pairs:
                 one, other = self.shapes[i], self.shapes[j]
                 pitch = None if i == j or self.apart[i, j] == 0.0 else self.apart[i, j] / PER_GAP

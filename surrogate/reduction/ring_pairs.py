@@ -13,7 +13,7 @@ reduction, which has the copy among its ports and is itself certified at every f
     |H_d - H_r,d| <= |H_d - H_2,d| + max_w |H_2,d - H_r,d|
 
 Both terms of the maximum are known sums of real poles. As functions of ln w they have features no narrower than a
-decade: `PER_DECADE` samples miss the maximum by less than 1e-3 of it, and `BETWEEN` allows for more.
+decade: `SAMPLES_PER_DECADE` samples miss the maximum by less than 1e-3 of it, and `BETWEEN` allows for more.
 
 Errors are relative to H_d(0) + `FLOOR` R_th, R_th being that of the heated ring. The rise of a ring is the sum over all
 rings, and a pair whose heat hardly arrives need not be known to many digits. Far pairs do without the fast poles.
@@ -36,7 +36,7 @@ from thermofem.geometry.cross_section import check_distance, check_uniform, foot
 
 from .reduce import project
 
-SAME = 1e-12  # m, distances that differ by less are one
+SAME_DISTANCE = 1e-12  # m, distances that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +70,15 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
     checks.integer("len(heat)", len(every), count, count, hint="give one heat problem for each ring, or one for all")
     kinds: list[Kind] = []
     of = []
-    for i, one in enumerate(every):
-        of.append(next((k for k, kind in enumerate(kinds) if _equal(kind.heat, one)), len(kinds)))
-        if of[-1] == len(kinds):
-            part = checks.choice("heated", heated, one.heated, default=one.heated[0])
-            _check_heaters(one, heaters, part)
-            check_stack(every[0].geometry, one.geometry, f"heat[{i}] and heat[0]")
-            kinds.append(Kind(one, part))
+    for i, problem in enumerate(every):
+        equal = [k for k, kind in enumerate(kinds) if _equal(kind.heat, problem)]
+        if not equal:
+            part = checks.choice("heated", heated, problem.heated, default=problem.heated[0])
+            _check_heaters(problem, heaters, part)
+            check_stack(every[0].geometry, problem.geometry, f"heat[{i}] and heat[0]")
+            equal = [len(kinds)]
+            kinds.append(Kind(problem, part))
+        of.append(equal[0])
     return RingKinds(kinds, np.array(of))
 
 
@@ -118,7 +120,8 @@ def check_positions(rings: RingKinds, centres: Array) -> Array:
     for kind in rings.kinds:
         check_uniform(kind.heat.geometry, "positions")
     radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
-    gap = between - radius[:, None] - radius + np.where(np.eye(len(centres)), np.inf, 0)
+    itself = np.where(np.eye(len(centres)), np.inf, 0)
+    gap = between - radius[:, None] - radius + itself
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < 0:
         raise InputError(
@@ -128,7 +131,8 @@ def check_positions(rings: RingKinds, centres: Array) -> Array:
     for k in np.argsort(-between, axis=None):  # the most distant pair first
         i, j = np.unravel_index(k, between.shape)
         if i != j:
-            source, reader = rings.kinds[rings.of[i]], rings.kinds[rings.of[j]]
+            source = rings.kinds[rings.of[i]]
+            reader = rings.kinds[rings.of[j]]
             who = f"positions[{i}] and positions[{j}]"
             check_distance(source.heat.geometry, reader.core, float(between[i, j]), who)
     return np.asarray(between)
@@ -162,8 +166,8 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
 
 FLOOR = 1e-2  # of R_th, added to the static gain of a pair
 CHUNK = 4  # distances bounded at once: the second reduction has as many ports more
-PER_DECADE, BETWEEN = 60, 1.01
-SHARE = 0.25  # of the tolerance, for the second reduction and for the poles that are left out, each
+SAMPLES_PER_DECADE, BETWEEN = 60, 1.01
+SHARE_OF_POLES = 0.25  # of the tolerance, for the second reduction and for the poles that are left out, each
 FREQUENCIES, TIGHTEN = (3, 4, 5, 6, 8, 10, 14), 6  # tried in turn; from TIGHTEN on with more Krylov fields
 RANGE = (0.3, 100.0)  # of the frequencies, in units of the slowest rate
 
@@ -193,11 +197,11 @@ def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance:
     own = system.channel(heated, read[0])
     scale, references = _references(system, own, read, tolerance)
     for count in FREQUENCIES if len(read) > 1 else (0,):
-        found = project(own, SHARE * tolerance * (0.1 if count > TIGHTEN else 1.0))
+        found = project(own, SHARE_OF_POLES * tolerance * (0.1 if count > TIGHTEN else 1.0))
         more = _fields_at_frequencies(system, found.projection.rate[0], count) if count else None
         pairs = _projected(system, found.basis, more)
         bound = np.array([_bound(pairs, k, reference) for k, reference in enumerate(references)]) / scale
-        if np.all(bound <= (1 - SHARE) * tolerance):
+        if np.all(bound <= (1 - SHARE_OF_POLES) * tolerance):
             return _without_fast_poles(replace(pairs, bound=bound), scale, tolerance)
     worst = read[int(bound.argmax())]
     raise InputError(f"tolerance = {tolerance:g} is out of reach: {bound.max():.1e} is left for {worst!r}; loosen it")
@@ -209,11 +213,13 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
     A = csc_matrix(system.A)
     b = np.asarray(system.B[:, 0]) + 0j
     low, high = RANGE
-    fields = [
-        splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A").solve(b) for w in slowest * np.geomspace(low, high, count)
-    ]
-    parts = np.column_stack([part for field in fields for part in (field.real, field.imag)])
-    return np.asarray(parts / np.linalg.norm(parts, axis=0))
+    parts = []
+    for w in slowest * np.geomspace(low, high, count):
+        factor = splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A")
+        field = factor.solve(b)
+        parts += [field.real, field.imag]
+    columns = np.column_stack(parts)
+    return np.asarray(columns / np.linalg.norm(columns, axis=0))
 
 
 def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
@@ -247,7 +253,7 @@ def _references(
         mixed = np.array([system.C[k] + (FLOOR * own.C[0] if k else 0) for k in rows])
         names = tuple(read[k] for k in rows)
         chunk = StateSpace(system.E, system.A, system.B, mixed, inputs=system.inputs, outputs=names)
-        found = project(chunk, SHARE * tolerance)
+        found = project(chunk, SHARE_OF_POLES * tolerance)
         rate, b = found.projection.rate, found.basis.T @ np.asarray(system.B[:, 0])
         for k, top in zip(rows, found.certificate.top, strict=True):
             residue = b * (found.basis.T @ np.asarray(system.C[k]))
@@ -262,9 +268,10 @@ def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
     """Largest difference, over frequency, of a sum of poles from a reference in K/W, with a margin between samples."""
     low = min(rate[0], other.rate[0]) / 1e3
     high = max(rate[-1], other.rate[-1]) * 1e3
-    s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
-    gap = (residue / (rate + s)).sum(axis=1) - (other.residue / (other.rate + s)).sum(axis=1)
-    return BETWEEN * float(np.abs(gap).max())
+    s = 1j * np.geomspace(low, high, int(np.log10(high / low) * SAMPLES_PER_DECADE))[:, None]
+    response = (residue / (rate + s)).sum(axis=1)
+    reference = (other.residue / (other.rate + s)).sum(axis=1)
+    return BETWEEN * float(np.abs(response - reference).max())
 
 
 def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
@@ -282,7 +289,7 @@ def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
             fewer = residue[:kept].copy()
             fewer[-1] += pairs.rate[kept - 1] * (residue[kept:] / pairs.rate[kept:]).sum()
             left_out = _difference(pairs.rate[:kept], fewer, whole) / scale[k]
-            if left_out <= min(SHARE * tolerance, tolerance - bound[k]):
+            if left_out <= min(SHARE_OF_POLES * tolerance, tolerance - bound[k]):
                 read[k] = 0.0
                 read[k, :kept] = fewer / pairs.source[:kept]
                 bound[k] += left_out

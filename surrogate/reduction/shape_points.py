@@ -16,13 +16,13 @@ import shapely
 from thermofem.arrays import Array
 from thermofem.geometry.shapes import UM, Shape
 
-NODES = 3  # Gauss points over the height of a part
+HEIGHT_NODES = 3  # Gauss points over the height of a part
 LANE, MOST_LANES = 0.6e-6, 12  # m, width of a lane; a wide shape has wider ones
 ALONG = 3  # points along a line for each width of a lane
 PER_GAP = 8  # points for each gap to another shape
 CELL = 0.5  # standard deviation over pitch of a cell of an area: neighbouring Gauss curves leave ripples of 5e-5
 FEWER = 1.4  # pitch of the cells of an area, where errors are estimated
-FEWEST = 48  # points along a shape
+FEWEST_POINTS = 48  # points along a shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Spread:
     def of(cls, shape: Shape) -> "Spread":
         """Uniform over the part of a shape."""
         part = shape.drawn
-        node, weight = np.polynomial.legendre.leggauss(NODES)
+        node, weight = np.polynomial.legendre.leggauss(HEIGHT_NODES)
         lanes = lanes_of(shape.width)
         share = CELL if shape.line is None else 1 / np.sqrt(12)
         sigma = float(share * shape.width / lanes.size)
@@ -75,7 +75,7 @@ def points_of(shape: Shape, pitch: float | None = None, *, fewer: bool = False) 
     if shape.line is None:
         return _cells(shape.polygon, lane * UM * (FEWER if fewer else 1.0))
     spacing = lane / ALONG if pitch is None else pitch
-    count = max(FEWEST, int(np.ceil(shape.length / spacing)))
+    count = max(FEWEST_POINTS, int(np.ceil(shape.length / spacing)))
     return _along(shape.line, count // 2 if fewer else count, lanes)
 
 

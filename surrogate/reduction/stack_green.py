@@ -30,11 +30,12 @@ from thermofem.arrays import Array, Complex
 from .shape_points import Spread
 
 HELD = 1e30  # W/(m^2 K), of an isothermal side
-SHORTEST, FARTHEST = 1e-14, 1e4  # m, range of the transform, which takes both ends for one
-SAMPLES = 8192  # of the distances: 455 a decade, between which linear interpolation errs by 3e-6
-TAIL = 7.0  # k sigma beyond which exp(-(k sigma)^2) is below 1e-21
-FLAT = 1e-3  # k times the height of a held stack, below which g(k) is g(0) to 1e-6
-RATES, STEP = (1e0, 1e12), 0.01  # 1/s, where the slowest rate is looked for, and the steps of its logarithm
+NEAREST, FARTHEST = 1e-14, 1e4  # m, range of the transform, which takes both ends for one
+DISTANCES = 8192  # of the distances: 455 a decade, between which linear interpolation errs by 3e-6
+TAIL_OF_GAUSS = 7.0  # k sigma beyond which exp(-(k sigma)^2) is below 1e-21
+FLAT_K = 1e-3  # k times the height of a held stack, below which g(k) is g(0) to 1e-6
+RATES = (1e0, 1e12)  # 1/s, where the slowest rate is looked for
+RATE_STEP = 0.01  # of its logarithm
 CHUNK = 8  # frequencies at once, to bound memory
 
 
@@ -65,15 +66,16 @@ class Stack:
         capacity = []
         for layer in section.layers:
             material = section.material_of(layer.name)
-            hot = float(material.conductivity_law.factor(section.ambient))
+            conductivity_factor = float(material.conductivity_law.factor(section.ambient))
+            capacity_factor = float(material.specific_heat_law.factor(section.ambient))
             k_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
-            along.append(material.conductivity * hot)
-            across.append(k_z * hot)
-            capacity.append(material.heat_capacity * float(material.specific_heat_law.factor(section.ambient)))
-        sides = [HELD if side.kind == "isothermal" else side.exchange for side in (section.bottom, section.top)]
+            along.append(material.conductivity * conductivity_factor)
+            across.append(k_z * conductivity_factor)
+            capacity.append(material.heat_capacity * capacity_factor)
+        bottom, top = [HELD if side.kind == "isothermal" else side.exchange for side in (section.bottom, section.top)]
         edges = np.array(section.layer_edges)
         endless = section.bottom.kind == "open"
-        return cls(edges, np.array(along), np.array(across), np.array(capacity), sides[0], sides[1], endless)
+        return cls(edges, np.array(along), np.array(across), np.array(capacity), bottom, top, endless)
 
     @cached_property
     def slowest(self) -> float:
@@ -83,24 +85,31 @@ class Stack:
         """
         if self.endless:
             return 0.0
-        rate = np.geomspace(*RATES, int(np.log(RATES[1] / RATES[0]) / STEP))
-        spread = Spread(self.edges[:1] / 2 + self.edges[-1:] / 2, np.ones(1), np.zeros(1), 0.0)
+        low, high = RATES
+        rate = np.geomspace(low, high, int(np.log(high / low) / RATE_STEP))
+        middle = self.edges[:1] / 2 + self.edges[-1:] / 2
+        spread = Spread(middle, np.ones(1), np.zeros(1), 0.0)
         g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)[:, 0]
-        return float(rate[max(int(np.argmax(g.real < 0)) - 1, 0)])
+        first = int(np.argmax(g.real < 0))
+        return float(rate[max(first - 1, 0)])
 
     def green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:
         """g(k) in K m^2/W between the heights of two parts, shape (frequencies, k), without their extent in the plane.
 
         k [shape (n,), 1/m], s [shape (frequencies,), 1/s]
         """
-        return np.concatenate([self._green(k, s[i : i + CHUNK], heated, read) for i in range(0, len(s), CHUNK)])
+        chunks = [s[i : i + CHUNK] for i in range(0, len(s), CHUNK)]
+        return np.concatenate([self._green(k, chunk, heated, read) for chunk in chunks])
 
     def _green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:
         lowest, highest = self.edges[[0, -1]]
-        heights = [np.clip(one.z, lowest, highest) for one in (heated, read)]
-        cuts = np.unique(np.concatenate([self.edges, *heights]))
-        layer = np.searchsorted(self.edges, (cuts[1:] + cuts[:-1]) / 2) - 1
-        square = self.along[layer] * (k**2)[:, None] + self.capacity[layer] * s[:, None, None]
+        z_heated = np.clip(heated.z, lowest, highest)
+        z_read = np.clip(read.z, lowest, highest)
+        cuts = np.unique(np.concatenate([self.edges, z_heated, z_read]))
+        middles = (cuts[1:] + cuts[:-1]) / 2
+        layer = np.searchsorted(self.edges, middles) - 1
+        storage = self.capacity[layer] * s[:, None, None]
+        square = self.along[layer] * (k**2)[:, None] + storage
         q = np.sqrt(square / self.across[layer])  # (frequencies, k, pieces)
         kappa = self.across[layer] * q
         thick = q * np.diff(cuts)
@@ -118,8 +127,8 @@ class Stack:
         upwards.reverse()
         ratio.reverse()
         total = np.zeros(q.shape[:2], dtype=complex)
-        for z, share in zip(heights[0], heated.weight, strict=True):
-            for other, weight in zip(heights[1], read.weight, strict=True):
+        for z, share in zip(z_heated, heated.weight, strict=True):
+            for other, weight in zip(z_read, read.weight, strict=True):
                 low, high = np.searchsorted(cuts, sorted((z, other)))
                 rise = share * weight / (upwards[low] + downwards[low])
                 for piece in range(low, high):
@@ -127,17 +136,21 @@ class Stack:
                 total += rise
         return total
 
-    def over_distance(self, s: Complex, heated: Spread, read: Spread, samples: int = SAMPLES) -> tuple[Array, Complex]:
+    def over_distance(
+        self, s: Complex, heated: Spread, read: Spread, samples: int = DISTANCES
+    ) -> tuple[Array, Complex]:
         """Distances r in m, shape (samples,), and G(r) in K/W at each frequency, shape (frequencies, samples)."""
-        k = np.geomspace(1 / FARTHEST, 1 / SHORTEST, samples)
+        k = np.geomspace(1 / FARTHEST, 1 / NEAREST, samples)
         step = float(np.log(k[1] / k[0]))
         bias = -0.5 if self.endless else 0.0  # r G and k g of a half space do not decay without it
         offset = fhtoffset(step, mu=0, bias=bias)
         r = np.exp(offset) / k[::-1]
-        smooth = np.exp(-(k**2) * (heated.sigma**2 + read.sigma**2) / 2)
-        uniform = 0.0 if self.endless else FLAT / float(self.edges[-1] - self.edges[0])
+        variance = heated.sigma**2 + read.sigma**2
+        smooth = np.exp(-(k**2) * variance / 2)
+        height = float(self.edges[-1] - self.edges[0])
+        uniform = 0.0 if self.endless else FLAT_K / height
         first = int(np.searchsorted(k, uniform))
-        last = int(np.searchsorted(-smooth, -np.exp(-(TAIL**2))))
+        last = int(np.searchsorted(-smooth, -np.exp(-(TAIL_OF_GAUSS**2))))
         g = np.zeros((len(s), samples), dtype=complex)
         g[:, first:last] = self.green(k[first:last], s, heated, read)
         g[:, :first] = g[:, first, None]
@@ -151,14 +164,15 @@ class Stack:
         half_width [m]
         """
         sigma = np.hypot(heated.sigma, read.sigma)
-        count = int(np.ceil(TAIL / sigma * 2 * np.sqrt(2) * half_width / np.pi))
+        count = int(np.ceil(TAIL_OF_GAUSS / sigma * 2 * np.sqrt(2) * half_width / np.pi))
         k = np.asarray(np.pi * np.arange(count + 1) / (2 * half_width), dtype=float)
         k[0] = k[1] * 1e-6  # the mean over the section; 0 itself would divide 0 by 0 at rest
         shares = np.full(k.size, 1 / half_width)
         shares[0] /= 2
-        for one in (heated, read):
-            cosines = np.cos(k[:, None] * (one.lanes + half_width)).mean(axis=1)
-            shares = shares * cosines * np.exp(-((k * one.sigma) ** 2) / 2)
+        for spread in (heated, read):
+            phases = k[:, None] * (spread.lanes + half_width)
+            smooth = np.exp(-((k * spread.sigma) ** 2) / 2)
+            shares = shares * np.cos(phases).mean(axis=1) * smooth
         return np.asarray(self.green(k, s, heated, read) @ shares)
 
 
@@ -171,4 +185,5 @@ def _through(load: Complex, kappa: Complex, thick: Complex) -> Complex:
 def _ratio(load: Complex, kappa: Complex, thick: Complex) -> Complex:
     """Rise at the far side of a layer over that at its near side."""
     fade = np.exp(-thick)
-    return np.asarray(2 * fade / ((1 + fade**2) * (1 + load / kappa * np.tanh(thick))))
+    loaded = 1 + load / kappa * np.tanh(thick)
+    return np.asarray(2 * fade / ((1 + fade**2) * loaded))
