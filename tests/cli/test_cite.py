@@ -70,6 +70,13 @@ def test_text_of_a_file_is_one_printable_line_and_no_latex(tmp_path):
     assert r"a\textbackslash{}x1b[31m\textbackslash{}nb \textbackslash{}\textbackslash{}write18\{rm\} 5 \%\}}" in note
 
 
+# an editable installation has the checkout, and so the real paper/, on its path; others do not
+PROGRAM = """
+import os, sys
+sys.path[:] = [folder for folder in sys.path if not os.path.isdir(os.path.join(folder, "paper"))]
+from thermofem_cli import main
+main()
+"""
 RUNNER = """
 def run(output, *, quick, workers, console):
     return {"incomplete": 0, "output": str(output), "quick": quick}
@@ -81,7 +88,7 @@ def test_reproduce_of_an_installed_program_finds_the_paper_in_the_working_folder
     site.mkdir()
     for package in ("thermofem", "surrogate", "coupled", "thermofem_cli"):
         (site / package).symlink_to(ROOT / package)
-    (site / "program.py").write_text("from thermofem_cli import main\nmain()\n")  # sys.path begins with site
+    (site / "program.py").write_text(PROGRAM)  # sys.path begins with site
     report = tmp_path / "checkout" / "paper" / "report"
     report.mkdir(parents=True)
     (report / "runner.py").write_text(RUNNER)
