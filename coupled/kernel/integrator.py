@@ -26,6 +26,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
+from . import structures
 from .library import library
 from .tableaus import Method, tableau
 
@@ -43,34 +44,9 @@ SINGLE, BUS, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 _D, _I, _L, _P = c.c_double, c.c_int, c.c_int64, c.c_void_p
 
 
-def _structure(name: str, *fields: tuple[str, Any]) -> Any:
-    parts = [(each, kind) for names, kind in fields for each in names.split()]
-    return type(name, (c.Structure,), {"_fields_": parts})
-
-
-_Table = _structure("_Table", ("columns terms", _I), ("place edges c", _P))
-_Method = _structure("_Method", ("stages order", _I), ("gamma", _D), ("a c dense at slope", _P))
-_Problem = _structure(
-    "_Problem",
-    ("rings fields order terms lasers pieces heat light delays waves", _I),
-    ("method", _Method),
-    ("modes carriers dispersion bend own floor read weight gain rate cross A H G B edges jumps varies", _P),
-    ("power phase detuning", _Table),
-    ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
-    ("energies", _I),
-    ("time_tolerance", _D),
-)
-# arrays of `_Problem` that hold complex numbers, and integers; all others hold floats
+# arrays of `structures.Problem` that hold complex numbers, and integers; all others hold floats
 COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
 WHOLE = {"sequence", "jumps", "varies"}
-_Loop = _structure(
-    "_Loop",
-    ("t h h_before size_before growth rtol longest restart cap rest_step level seen crossing", _D),
-    ("accepted rejected rest_again filled room budget", _L),
-    ("begun piece entered fresh per_step quantity ring stop", _I),
-    ("past", _P),
-    ("past_filled past_room", _L),
-)
 
 
 class Rings(NamedTuple):
@@ -253,14 +229,16 @@ class Problem:
         self.heat = heat
         self.edges = np.ascontiguousarray(drive.edges, dtype=float)
         self._kept: list[Any] = []
-        self._c = _Problem()
+        self._c = structures.Problem()
         m = tableau(method)
         R, F = rings.modes.shape[:2]
         if F > 4:
             raise InputError(f"lasers are on {F} resonances; at most 4 are possible")
         if rings.dispersion.shape[1] > 8:
             raise InputError(f"fcd has {rings.dispersion.shape[1]} terms; at most 8 are possible")
-        self._c.method = _Method(len(m.a), m.order, m.gamma, *map(self._at, (m.a, m.c, m.dense, m.at, m.slope)))
+        self._c.method = structures.Method(
+            len(m.a), m.order, m.gamma, *map(self._at, (m.a, m.c, m.dense, m.at, m.slope))
+        )
         self._set(**rings._asdict() | {"bend": np.full(R, rings.bend), "own": np.zeros(R)})
         if isinstance(heat, QuadraticHeat):
             self.order = len(heat.C)
@@ -286,7 +264,7 @@ class Problem:
             jumps = jumps | jumped
             varies = varies | changing
             _, columns, terms = functions.coefficients.shape
-            table = _Table(columns, terms, self._at(place, np.int32), *map(self._at, functions))
+            table = structures.Table(columns, terms, self._at(place, np.int32), *map(self._at, functions))
             setattr(self._c, name, table)
         self._detunings = self._kept[-1]
         self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)
@@ -358,7 +336,9 @@ class Problem:
         Raises InputError: too many steps or rows, or every step is rejected, however small.
         """
         y = np.array(y, dtype=float)
-        loop = _Loop(t=self.edges[0], h=first_step, rtol=rtol, longest=longest, seen=np.inf, per_step=per_step)
+        loop = structures.Loop(
+            t=self.edges[0], h=first_step, rtol=rtol, longest=longest, seen=np.inf, per_step=per_step
+        )
         if event is not None:
             loop.quantity = event.quantity
             loop.level = event.level
@@ -525,7 +505,7 @@ class _Room:
 
 
 def _kind(name: str) -> Any:
-    """Type of the numbers in an array of `_Problem`."""
+    """Type of the numbers in an array of `structures.Problem`."""
     if name in COMPLEX:
         return complex
     return np.int32 if name in WHOLE else float

@@ -109,8 +109,15 @@ def chosen(file: Path) -> Path:
 
 @cache
 def library() -> ctypes.CDLL:
-    """Return the loaded library; it is compiled first if it is missing or older than a source."""
+    """Return the loaded library; it is compiled first if it is missing or older than a source.
+
+    Raises RuntimeError: it lays out a structure otherwise than `structures`.
+    """
+    from .structures import check_layout  # not where a wheel is built, which runs this file alone
+
     file = path()
     if not is_current(file):
         build(file)
-    return ctypes.CDLL(str(chosen(file)))
+    kernel = ctypes.CDLL(str(chosen(file)))
+    check_layout(kernel)
+    return kernel
