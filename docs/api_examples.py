@@ -168,6 +168,17 @@ section = th.straight_guide()
 shapes = [th.racetrack("ring 1", section), th.Shape("strip", section, path=[(20e-6, 0.0), (20e-6, 30e-6)])]
 surrogate.reduce_layout(shapes, tolerance=1e-2).crosstalk
 
+# %% th.read_layout
+if importlib.util.find_spec("gdstk"):  # pip install "thermofem[gds]"
+    import gdstk
+
+    cell = gdstk.Cell("chip")
+    cell.add(gdstk.ellipse((0, 0), 10.225, inner_radius=9.775, layer=1, tolerance=1e-3))
+    library = gdstk.Library()
+    library.add(cell)
+    library.write_gds("chip.gds")
+    th.read_layout("chip.gds", layers={"core": (1, 0)}, section=section)
+
 # %% coupled.RingResonator coupled.ShockleyReadHall coupled.State
 import dataclasses
 

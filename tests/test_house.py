@@ -163,3 +163,69 @@ def test_readme_script_prints_what_the_readme_says(tmp_path):
 @pytest.mark.parametrize("script", sorted((ROOT / "examples").glob("*.py")), ids=lambda p: p.name)
 def test_examples_compile(script):
     compile(script.read_text(), str(script), "exec")
+
+
+# functions above 15 nodes a statement, each with what makes its lines long
+DENSE = {
+    "coupled/circuit/network.py: network_of": "two wide tables of couplings",
+    "coupled/equilibria/balance.py: _brackets": "the columns of the brackets",
+    "coupled/equilibria/linear_ring.py: linearize": "one wide Dataset of names",
+    "coupled/equilibria/steady_states.py: described": "a table of variables",
+    "coupled/equilibria/zeros.py: intervals_in_window": "interlaced coordinates",
+    "coupled/explore/contents.py: presets": "a table of rings",
+    "coupled/explore/section.py: section_of": "the drawing as one literal",
+    "coupled/export/circuit_spice.py: _waves": "lines of a netlist",
+    "coupled/export/ring_verilog_a.py: write": "lines of a module",
+    "coupled/inputs.py: lights": "piecewise products of every laser",
+    "coupled/ring_from.py: _origins": "a table of sentences",
+    "coupled/runs/pulsing.py: classify": "verdicts with their numbers",
+    "coupled/runs/repetition.py: top_of": "the vertex of a parabola, as it is printed",
+    "coupled/runs/window.py: advance": "the call of the kernel with all its options",
+    "surrogate/fitting/optical_fit.py: _concluded": "a result with all its fields",
+    "surrogate/reduction/array_reduction.py: reduce_array": "a result with all its fields",
+    "surrogate/reduction/layout_sections.py: of": "a result with all its fields",
+    "thermofem/export/spice_heat.py: _coupled": "lines of a netlist",
+    "thermofem/export/spice_heat.py: _pin": "lines of a netlist",
+    "thermofem_cli/show_command.py: _card": "lines of a card",
+}
+
+
+def size(node: ast.AST) -> int:
+    """Nodes of a statement's syntax tree, without the statements inside it."""
+    inside = [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.stmt | ast.expr_context)]
+    return 1 + sum(size(child) for child in inside)
+
+
+def computed(node: ast.AST) -> bool:
+    """Whether an expression does more than name something."""
+    if isinstance(node, ast.UnaryOp):
+        return computed(node.operand)
+    if isinstance(node, ast.Subscript | ast.Attribute):
+        return computed(node.value)
+    return not isinstance(node, ast.Name | ast.Constant)
+
+
+def statements(function: ast.FunctionDef) -> list[ast.stmt]:
+    """The statements of a function, without docstrings, imports and the headers of functions inside it."""
+    skipped = (ast.FunctionDef, ast.Import, ast.ImportFrom, ast.Pass)
+    every = [node for node in ast.walk(function) if isinstance(node, ast.stmt) and not isinstance(node, skipped)]
+    return [node for node in every if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))]
+
+
+def test_a_line_says_one_thing():
+    """At most 15 nodes a statement in the mean of a function, no several computed values and no unpacked generator."""
+    dense = set()
+    several = []
+    for path in SOURCES:
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.FunctionDef):
+                sizes = [size(each) for each in statements(node)]
+                if len(sizes) > 7 and sum(sizes) > 15 * len(sizes):
+                    dense.add(f"{path.relative_to(ROOT)}: {node.name}")
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple):
+                values = node.value.elts if isinstance(node.value, ast.Tuple) else []
+                unpacked = isinstance(node.value, ast.GeneratorExp | ast.ListComp)
+                if unpacked or sum(map(computed, values)) > 1:
+                    several.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert dense == set(DENSE)
+    assert several == []

@@ -154,7 +154,8 @@ def uncertainty(
     moving = None
     if map_:
         resonator = ring_for(found, channel, ring)
-        what, moving = Pulsing(resonator, *grid(resonator, power, detuning, points)), optics_of(found, resonator)
+        what = Pulsing(resonator, *grid(resonator, power, detuning, points))
+        moving = optics_of(found, resonator)
     elif period:
         what, moving = settled_of(found, channel, ring, power, detuning)
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
@@ -181,16 +182,16 @@ def uncertainty(
 def _say(data: Any, unit: str, interpolate: int | None) -> dict[str, Any]:
     """Print and return mean, quantiles, and Sobol indices with their intervals of 95 % probability."""
     channel = f"{data.attrs['heated']} to {data.attrs['read']}"
-    names = ("mean", "standard_deviation", "quantile_05", "quantile_95")
-    mean, deviation, low, high = (written(data.attrs[name], unit) for name in names)
+    mean = written(data.attrs["mean"], unit)
+    deviation = written(data.attrs["standard_deviation"], unit)
+    low = written(data.attrs["quantile_05"], unit)
+    high = written(data.attrs["quantile_95"], unit)
     say(f"{channel}: mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
     parameters = list(map(str, data.parameter.values))
     for name in parameters:
         row = data.sel(parameter=name)
-        first, total = (
-            f"{row[kind].item():.3f} ({row[kind + '_low'].item():.3f} .. {row[kind + '_high'].item():.3f})"
-            for kind in ("first_order", "total_order")
-        )
+        first = _with_range(row, "first_order")
+        total = _with_range(row, "total_order")
         say(f"{channel}: {name}: first-order Sobol index {first}; total {total}")
         say(f"{channel}: {name}: {_change(row, unit)} for one standard deviation")
     if interpolate:
@@ -226,10 +227,17 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
     spreads = {}
     for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
         with reading(f"--spread '{name}={text}'", "PARAMETER=MEAN, STANDARD DEVIATION, such as 'width=450 nm,5 nm'"):
-            mean, width = (part.strip() for part in text.split(","))
-        centre = quantity.parse(mean, unit, name=f"--spread {name}")
-        spreads[name] = stats.norm(centre, quantity.positive(width, unit, name=f"--spread {name}"))
+            mean, width = text.split(",")
+        centre = quantity.parse(mean.strip(), unit, name=f"--spread {name}")
+        spreads[name] = stats.norm(centre, quantity.positive(width.strip(), unit, name=f"--spread {name}"))
     return spreads
+
+
+def _with_range(row: Any, kind: str) -> str:
+    """A Sobol index with its interval of 95 % probability."""
+    low = row[f"{kind}_low"].item()
+    high = row[f"{kind}_high"].item()
+    return f"{row[kind].item():.3f} ({low:.3f} .. {high:.3f})"
 
 
 def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelNames:

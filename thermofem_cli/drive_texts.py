@@ -106,7 +106,9 @@ def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[A
     with reading(f"--detuning = {detuning!r}", f"{RANGE} '-30 GHz, 30 GHz'"):
         first, last = sorted(detuning_of(part.strip(), ring) for part in detuning.split(","))
     with reading(f"--points = {points!r}", "N, M: two whole numbers, such as '20, 20'"):
-        n, m = (checks.integer("--points", int(part), 2, 2000) for part in points.split(","))
+        of_powers, of_detunings = points.split(",")
+        n = checks.integer("--points", int(of_powers), 2, 2000)
+        m = checks.integer("--points", int(of_detunings), 2, 2000)
     return np.geomspace(low, high, n), np.linspace(first, last, m)
 
 
@@ -167,10 +169,10 @@ def light(
     }
     if sweep is not None:
         with reading(f"--sweep = {sweep!r}", "two quantities or more, such as '20 GHz, -40 GHz'"):
-            first, second, *rest = (part.strip() for part in sweep.split(","))
-        swept = begins_with("--sweep", first)
+            first, second, *others = sweep.split(",")
+        swept = begins_with("--sweep", first.strip())
         unit = "Hz" if swept == "detuning" else "W"
-        values = [quantity.parse(part, unit, name="--sweep") for part in (first, second, *rest)]
+        values = [quantity.parse(part.strip(), unit, name="--sweep") for part in (first, second, *others)]
         found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
     for text in modulate or []:
         name = begins_with("--modulate", text)
@@ -186,10 +188,12 @@ def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.
     for text in texts or []:
         light, _, offset = text.partition(" on ")
         with reading(f"--laser {text!r}", form):
-            first, second = (part.strip() for part in PAIR.sub(r"\1,\2", light.strip()).rsplit(",", 1))
+            first, second = PAIR.sub(r"\1,\2", light.strip()).rsplit(",", 1)
         at = replace(ring, frequency=ring.frequency + detuning_of(offset.strip(), ring, "--laser")) if offset else None
         found.append(
-            coupled.Laser(varying("--laser", first, "W", duration), detuning_of(second, at or ring, "--laser"), at)
+            coupled.Laser(
+                varying("--laser", first.strip(), "W", duration), detuning_of(second.strip(), at or ring, "--laser"), at
+            )
         )
     return found
 

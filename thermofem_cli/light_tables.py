@@ -23,7 +23,9 @@ def picked(table: NumberTable, columns: str) -> tuple[Column, Column]:
     """Return two columns of a table by their numbers, counted from 1: "1,2"; InputError for others."""
     by_number = {str(column.number): column for column in table.columns}
     try:
-        first, second = (by_number[text.strip()] for text in columns.split(","))
+        first_number, second_number = columns.split(",")
+        first = by_number[first_number.strip()]
+        second = by_number[second_number.strip()]
     except (KeyError, ValueError):
         raise InputError(f"--columns = {columns!r} must be two of the columns {', '.join(by_number)}") from None
     return first, second

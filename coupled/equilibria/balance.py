@@ -253,7 +253,7 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
         part = np.flatnonzero(which // PUMPS == k // PUMPS)
         U, D, cell = _on_pieces(pumps[k : k + PUMPS], which[part] - k, detuning[part], ring)
         found.append((U, D, part[cell]))
-    U, D, cell = (np.concatenate(values) for values in zip(*found, strict=True))
+    U, D, cell = map(np.concatenate, zip(*found, strict=True))
     order = np.lexsort([U, cell])
     return U[order], D[order], cell[order]
 

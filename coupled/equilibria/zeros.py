@@ -1,6 +1,7 @@
 """Roots of functions of one variable on a grid, and distances from polylines."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,27 +54,62 @@ def zeros(
     computed and, where f has changed sign, splits the interval. Sorted by function, then by x.
     """
     k, i = np.mgrid[:count, : grid.size]
-    x, y = grid[i], f(grid[i], k) if values is None else values
+    x = grid[i]
+    y = f(x, k) if values is None else values
     changed = (y[:, 1:] > 0) != (y[:, :-1] > 0)
-    brackets = [[v[changed] for v in (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])]]
-    before = np.abs(y[:, slice(-2)])
-    here = np.abs(y[:, slice(1, -1)])
-    after = np.abs(y[:, slice(2, None)])
+    signs = _Brackets(x[:, :-1][changed], x[:, 1:][changed], y[:, :-1][changed], y[:, 1:][changed], k[:, 1:][changed])
+    dips = _brackets_in_dips(f, x, y, k, changed)
+    low, high, first, last, number = map(np.concatenate, zip(signs, *dips, strict=True))
+
+    def value_and_slope(x: Array) -> tuple[Array, Array]:
+        value, slope, _ = _differences(f, x, number, high - low)
+        return value, slope
+
+    root = newton(value_and_slope, np.array([low, high]), np.array([first, last]))
+    order = np.lexsort([root, number])
+    return root[order], number[order]
+
+
+class _Brackets(NamedTuple):
+    """Intervals with one root each: ends, values there, and the number of the function."""
+
+    low: Array
+    high: Array
+    first: Array
+    last: Array
+    number: NDArray[np.intp]
+
+
+def _brackets_in_dips(
+    f: Callable[[Array, NDArray[np.intp]], Array], x: Array, y: Array, k: NDArray[np.intp], changed: NDArray[np.bool_]
+) -> list[_Brackets]:
+    """Both halves of every interval around a local minimum of |f| whose extremum has the other sign."""
+    before = np.abs(y[:, :-2])
+    here = np.abs(y[:, 1:-1])
+    after = np.abs(y[:, 2:])
     dip = ~changed[:, 1:] & ~changed[:, :-1] & (here < before) & (here <= after)
-    dip &= (after - before) ** 2 > 8 * (1 - DEEP) * here * (before - 2 * here + after)  # by the parabola
-    if dip.any():
-        low, high, n = x[:, :-2][dip], x[:, 2:][dip], k[:, 1:-1][dip]
-        first, middle, last = y[:, :-2][dip], y[:, 1:-1][dip], y[:, 2:][dip]
-        turns = np.array([middle - first, last - middle])
-        bottom = newton(lambda x: _differences(f, x, n, high - low)[1:], np.array([low, high]), turns)
-        least = f(bottom, n)
-        crossed = (least > 0) != (middle > 0)
-        for one in ((low, bottom, first, least, n), (bottom, high, least, last, n)):
-            brackets.append([v[crossed] for v in one])
-    low, high, first, last, n = (np.concatenate(part) for part in zip(*brackets, strict=True))
-    root = newton(lambda x: _differences(f, x, n, high - low)[:2], np.array([low, high]), np.array([first, last]))
-    order = np.lexsort([root, n])
-    return root[order], n[order]
+    curvature = before - 2 * here + after
+    dip &= (after - before) ** 2 > 8 * (1 - DEEP) * here * curvature  # by the parabola
+    if not dip.any():
+        return []
+    low = x[:, :-2][dip]
+    high = x[:, 2:][dip]
+    number = k[:, 1:-1][dip]
+    first = y[:, :-2][dip]
+    middle = y[:, 1:-1][dip]
+    last = y[:, 2:][dip]
+
+    def slope_and_curvature(x: Array) -> tuple[Array, Array]:
+        _, slope, bend = _differences(f, x, number, high - low)
+        return slope, bend
+
+    turns = np.array([middle - first, last - middle])
+    bottom = newton(slope_and_curvature, np.array([low, high]), turns)
+    least = f(bottom, number)
+    crossed = (least > 0) != (middle > 0)
+    left = (low, bottom, first, least, number)
+    right = (bottom, high, least, last, number)
+    return [_Brackets(*(column[crossed] for column in side)) for side in (left, right)]
 
 
 def _differences(

@@ -193,10 +193,12 @@ def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
     model that is shown first; within a factor of 3 of 8e3 K/W, a published ring gets the window of its paper.
     """
     check_ring(ring)
-    given, *known = (
-        ring_data(one) | {"python": repr(one), "window": window}
-        for one, window in ((ring, window_of(ring, resistance)), *published())
-    )
+
+    def described(one: RingResonator, window: Window) -> dict[str, Any]:
+        return ring_data(one) | {"python": repr(one), "window": window}
+
+    given = described(ring, window_of(ring, resistance))
+    known = [described(*each) for each in published()]
     usual = 0.3 < resistance / RESISTANCE < 3
     others = [other for other in known if not same_numbers(given, other)]
     if usual:

@@ -280,12 +280,16 @@ def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
     """Largest relative difference between the static gains i to j and j to i of two rings of different kind."""
     worst = 0.0
     for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
-        one, other = (
-            float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
-            for source, pair in ((sources[k], sources[k].pairs[0]) for k in (rings.of[i], rings.of[j]))
-        )
-        worst = max(worst, abs(one - other) / abs(one + other) * 2)
+        there = _static_gain(sources[rings.of[i]], i, j)
+        back = _static_gain(sources[rings.of[j]], i, j)
+        worst = max(worst, abs(there - back) / abs(there + back) * 2)
     return worst
+
+
+def _static_gain(source: Sources, i: int, j: int) -> float:
+    """Static gain in K/W between the rings i and j, by the heat of one kind of source."""
+    pair = source.pairs[0]
+    return float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
 
 
 def is_passive(model: StateSpace) -> bool:

@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from scipy.fft import fht, fhtoffset
 
-from thermofem import CrossSection
+from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, Complex
 
 from .shape_points import Spread
@@ -37,6 +37,11 @@ FLAT_K = 1e-3  # k times the height of a held stack, below which g(k) is g(0) to
 RATES = (1e0, 1e12)  # 1/s, where the slowest rate is looked for
 RATE_STEP = 0.01  # of its logarithm
 CHUNK = 8  # frequencies at once, to bound memory
+
+
+def _exchange(side: Boundary) -> float:
+    """Heat transfer coefficient of a side in W/(m^2 K); `HELD` for an isothermal one."""
+    return HELD if side.kind == "isothermal" else side.exchange
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +77,8 @@ class Stack:
             along.append(material.conductivity * conductivity_factor)
             across.append(k_z * conductivity_factor)
             capacity.append(material.heat_capacity * capacity_factor)
-        bottom, top = [HELD if side.kind == "isothermal" else side.exchange for side in (section.bottom, section.top)]
+        bottom = _exchange(section.bottom)
+        top = _exchange(section.top)
         edges = np.array(section.layer_edges)
         endless = section.bottom.kind == "open"
         return cls(edges, np.array(along), np.array(across), np.array(capacity), bottom, top, endless)

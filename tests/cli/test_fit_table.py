@@ -221,8 +221,8 @@ def test_a_figure_of_volts_has_volts_on_its_axes(tmp_path):
         upper, lower = plot_fit(surrogate.fit_newton(data), data)
         assert upper.get_ylabel() == label
         assert lower.get_ylabel() == f"residual {label[-3:]}"
-        assert f"{label[-2]} rms" in upper.get_title()
-        assert "4 µs" in upper.get_title()
+        assert f"{label[-2]} rms" in upper.get_title(loc="left")
+        assert "4 µs" in upper.get_title(loc="left")
 
 
 @pytest.mark.parametrize("name", ["out[red]1.json", "[bold]x.json", "a[/b].json"])

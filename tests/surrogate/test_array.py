@@ -232,7 +232,10 @@ def test_half_times_of_rings_of_two_kinds():
     ("other", "words"),
     [
         (th.strip_ring(box=3e-6), r"heat\[1\] and heat\[0\] differ in layers"),
-        (th.strip_ring(radius=3e-6).with_(ambient=400.0), "in ambient; rings on one chip share its layers and sides"),
+        (
+            th.strip_ring(radius=3e-6).with_(ambient=400.0),
+            "in ambient; what lies on one chip shares its layers and sides",
+        ),
         (replace(th.strip_ring(radius=3e-6), outer=th.Boundary("open")), "differ in outer"),
         (None, r"len\(heat\) = 1 must be a whole number from 2"),
     ],

@@ -176,7 +176,9 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
         unit, values = _listed(listed, where)
         return Variation(name, paths, unit, values)
     unit, ends = _listed([table["from"], table["to"]], where)
-    low, high = (checks.finite(f"{where}: {key}", end) for key, end in zip(("from", "to"), ends, strict=True))
+    begin, end = ends
+    low = checks.finite(f"{where}: from", begin)
+    high = checks.finite(f"{where}: to", end)
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
     if "count" not in table:
         return free

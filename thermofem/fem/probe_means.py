@@ -145,8 +145,8 @@ def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, 
     polygons = []
     for face in geometry.subdivision.faces:
         if face.owner == probe.part:
-            outline, *holes = [ring * 1e6 for ring in face.rings]  # in um, as GEOS has tolerances
-            polygons.append(shapely.Polygon(outline, holes))
+            rings = [ring * 1e6 for ring in face.rings]  # in um, as GEOS has tolerances
+            polygons.append(shapely.Polygon(rings[0], rings[1:]))
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons)).tolist()
     pieces = [piece for shape in triangles for piece in getattr(shape, "geoms", [shape])]
     corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]) * 1e-6

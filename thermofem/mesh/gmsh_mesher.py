@@ -200,8 +200,8 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
 
     surfaces = []
     for face in faces:
-        outline, *holes = [loop(ring) for ring in face.rings]
-        surfaces.append(builder.add_plane_surface(outline, holes))
+        loops = [loop(ring) for ring in face.rings]
+        surfaces.append(builder.add_plane_surface(loops[0], loops[1:]))
     return surfaces
 
 
