@@ -14,7 +14,8 @@ refractive_index = 3.485         # group_index, thermo_optic ("1.86e-4 1/K"), fc
 tpa_coefficient = "0.81 cm/GW"   # tpa_confinement, fca_confinement, kerr_coefficient ("4.5e-18 m^2/W"), lumped_fcd,
 read = "light"                   # the temperature that goes with thermo_optic: "core" (default), or "light", where it
                                  # is dn_eff/dT of a whole section
-mode = "TE0"                     # with mode_wavelength ("1550 nm"): the mode whose temperature "light" is
+mode = "TE0"                     # the mode whose temperature "light" is, with its wavelength
+mode_wavelength = "1550 nm"
 drop_rate = "40e9 1/s"           # scattering_rate, index_confinement: as the fields of RingResonator
 resonance_shift = "75 pm/K"      # or "9.3 GHz/K": measured; instead of what refractive_index and thermo_optic give
 

@@ -32,5 +32,5 @@ def test_the_recipe_needs_what_the_project_needs(recipe):
     needs = {tuple(line.split()) for line in recipe["requirements"]["run"]} - {("python", PROJECT["requires-python"])}
     names = (re.match(r"([\w-]+)(>=\S+)", text) for text in PROJECT["dependencies"])
     assert needs == {(CONDA.get(name[1], name[1]), name[2]) for name in names}
-    assert recipe["build"]["python"]["entry_points"] == [f"thermofem = {PROJECT['scripts']['thermofem']}"]
+    assert "noarch" not in recipe["build"]  # it holds a compiled library; pip writes the command
     assert recipe["about"]["license"] == PROJECT["license"]

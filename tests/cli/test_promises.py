@@ -203,7 +203,7 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["map", "model.json", "--resume", "model.json"], "give it another name"),
         # heaters, sweeps, modulation and further lasers
         (["simulate", "heated.json"], "--heated core"),
-        (["simulate", "heated.json", "--heater", "5 mW"], "NAME=VALUE"),
+        (["simulate", "heated.json", "--heater", "5 kg"], "--heater"),
         (["cosimulate", "--heater", "heatr=5 mW"], "'heatr' is unknown"),
         (["map", "heated.json", "--heater", "heater=5 mW square 1 us"], "a power is needed"),
         (["explore", "heated.json", "--heater", "oven=1 mW", "-o", "ring.html"], "heater"),

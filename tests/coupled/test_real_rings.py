@@ -149,7 +149,7 @@ def test_every_number_of_a_ring_survives_its_file(carriers):
     numbers = {name: known.high for name, known in ring_toml.FIELDS.items() if name != "lumped_fcd"}
     fields = {name: (1e-10 if name.startswith("tau") else 1e-3) + 1.01 * x for name, x in vars(carriers).items()}
     ring = replace(RING, **numbers, lumped_fcd=-1e-26, carriers=replace(carriers, **fields))
-    assert vars(ring).keys() == {"name", "fcd", "carriers", "rates"} | ring_toml.FIELDS.keys()
+    assert vars(ring).keys() == {"name", "fcd", "carriers", "rates", "read", "mode"} | ring_toml.FIELDS.keys()
     again = RingResonator.from_text(ring_toml.write_text(ring, {}))
     # k_B T is written as a temperature: two roundings
     assert vars(again.carriers) == pytest.approx(vars(ring.carriers), rel=1e-15, abs=0)

@@ -91,7 +91,7 @@ def test_a_mesh_that_misses_the_accuracy_is_refined(needs_mesher):
 
 
 def test_a_mesh_that_stays_above_the_accuracy_says_so(fresh_log, monkeypatch):
-    monkeypatch.setattr(assembly, "LARGEST", 1000)
+    monkeypatch.setattr(assembly, "MOST_UNKNOWNS", 1000)
     heat = th.assemble(th.strip_ring(), 3e-4)
     assert heat.mesh_error() > 3e-4
     assert [record.levelname for record in fresh_log.records] == ["WARNING"]
