@@ -38,7 +38,7 @@ def run(*arguments):
     [
         ("Time (us),T (K)\n", {"start": 0.0, "offset": 0.0}),
         ("Time (us),T (degC)\n", {"start": 1.503e-6, "offset": 25.0}),
-        ("Model,DSO1012\nTime,CH1\nus,Volt\n", {"start": 1.0e-6, "offset": 0.5}),
+        ("Model,DSO1012\nTime (us),CH1 (Volt)\n", {"start": 1.0e-6, "offset": 0.5}),
         ("t,dT\n", {"start": 2.37e-6, "offset": -3.0, "factors": (1.0, 1.0)}),
         ("Time (us),CH1 (mV)\n", {"start": 0.0, "offset": 0.1, "factors": (1e6, 1e3), "first": -1e-6}),
     ],
@@ -179,7 +179,7 @@ def test_a_bound_is_called_proven_for_one_port_alone(heated, read, proven, tmp_p
     [
         ("TIME,CH1,CH2\n", "{t},{v},7", ["--time", "TIME", "--temperature", "CH1 (V)", "--sensitivity", "10 mV/K"]),
         ("time_us,probe_mV\n", "{us},{mv}", ["--units", "us,mV", "--sensitivity", "10 mV/K"]),
-        ("Time,CH1,\nus,mV,\n", "{us},{mv},", ["--sensitivity", "0.01 V/K"]),
+        ("Time,CH1,\nus,mV,\n", "{us},{mv},", ["--units", "us,mV", "--sensitivity", "0.01 V/K"]),
         ("n,t,x\n", "{k},{us},{v}", ["--time", "t (us)", "--temperature", "x (V)", "--sensitivity", "10 mV/K"]),
         ("time (s),zth (K/W)\n", "{t},{zth}", []),
     ],

@@ -66,7 +66,7 @@ def scales(text, path):
 
 @pytest.mark.parametrize("generator", [hostile_tables.headers, hostile_tables.odd_headers])
 def test_units_are_taken_or_asked_for(generator, tmp_path):
-    """Bare units below what instruments write, or a header divided otherwise than the rows: mK counted as K."""
+    """A header that is not `name (unit)` for each column: millikelvin never count as kelvin."""
     read = 0
     for what, text in list(generator(ROWS))[::7]:
         try:
@@ -75,7 +75,7 @@ def test_units_are_taken_or_asked_for(generator, tmp_path):
             continue
         assert found == pytest.approx((1e-6, 1e-3, 40)), what
         read += 1
-    assert read > 12
+    assert read > 6
 
 
 def test_a_separator_that_changes_is_a_damaged_row(tmp_path):
@@ -107,10 +107,10 @@ SETTINGS = ["Record Length,61", "Sample Interval,1e-07", ",", "Source,CH1", "Mod
 LAYOUTS = {
     "settings above": ("Averages,1\nCoupling,DC\nTrigger,A\nTime (s),T (K)\n", "{t},{y}\n", {}),
     "units below": ("Record length,61\n\nX,CH1\n(us),(mV)\n", "{us},{y}\n", {"sensitivity": "1 mV/K"}),
-    "Keysight": ("x-axis,1\nmicrosecond,mV\n", "{us},{y}\n", {"sensitivity": "1 mV/K"}),
+    "line of units": ("x-axis,1\nmicrosecond,mV\n", "{us},{y}\n", {"units": "us,mV", "sensitivity": "1 mV/K"}),
     "marker line": ("Mode,Detail,\nWaveform Data,\n", "{t},{y},\n", {"units": "s,K"}),
     "units in settings": ("Horizontal Units,us\nVertical Units,K\nTIME,CH1\n", "{us},{y}\n", {}),
-    "unit above in words": ("Time is in milliseconds\nTime,T\n", "{ms},{y}\n", {}),
+    "unit above in words": ("Time is in milliseconds\nTime,T\n", "{ms},{y}\n", {"units": "ms,K"}),
     "no name": (",CH2,CH4\n", "{t},{y},0\n", {"columns": "1,2", "units": "s,K"}),
     "same name": ("Time (s),U (V),U (V)\n", "{t},9,{mv}\n", {"columns": "1,3", "sensitivity": "1 mV/K"}),
     "by number": ("a,b,c\n", "7,{us},{mv}\n", {"columns": (2, 3), "units": "us,V", "sensitivity": "1 mV/K"}),
@@ -162,12 +162,15 @@ def test_layouts_of_instruments_and_simulators(layout, tmp_path):
         ("Time (s),U (V),U (V)\n", "{t},{y},{y}\n", {"temperature": "U (V)"}, "names the columns 2,3.*--columns"),
         ("time,V(core)\n", "{t},{y}\n", {}, "V.core.*--units"),
         ("Timebase: ms\nTime,T\n", "{t},{y}\n", {}, "Timebase.*--units"),
+        ("Time is in milliseconds\nTime,T\n", "{t},{y}\n", {}, "milliseconds.*--units"),
+        ("x-axis,1\nmicrosecond,mV\n", "{t},{y}\n", {}, "column 'microsecond' states no unit.*--units"),
         ("Time,T (K)\n", "{k},{y}\n", {}, "span of column.*60.*--units"),
         ("Time (s),Shift (pm)\n", "{t},{y}\n", {}, 'sensitivity "... pm/K"'),
         ("Time (s),T (K)\n", "{t:.0e},{y}\n", {}, "rounded"),
         ("a,b,c\n", "{t},{y},1\n", {}, "3 columns of numbers.*--columns"),
         ("Time (s),T (K)\n", "{t},{y}\n", {"sensitivity": "1 mV/K"}, "sensitivity"),
         ("Time (s),U (V)\n", "{t},{fall}\n", {}, "--fall.*--sensitivity"),
+        ("Time (ns);T (mK);note\n", "1,{k:03d};2,{k:03d};at 3, on\n", {}, "may divide thousands"),
         ("", "{t},{y}\n", {}, "column 1 states no unit.*--units"),
         ("time_us,T_mK\n", "{t},{y}\n", {}, "column 'time_us' states no unit.*--units"),
         ("Time unit: us\nTime unit: ms\nTime,T\n", "{t},{y}\n", {}, "Time unit: us.*--units"),

@@ -6,7 +6,6 @@ What the table does not say is found from the rows and listed in ``attrs["assume
 """
 
 import hashlib
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,8 @@ from .. import checks
 from ..arrays import Array, NDArray
 from ..waveforms import Constant, Waveform
 from . import dataset, files, heating_start, light_start, quantity
-from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, Scale, scale_of
-from .number_table import Column, NumberTable, is_about_units, number_table
+from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, scale_of
+from .number_table import Column, NumberTable, name_and_unit, number_table
 from .variables import VOLTS, unit_of
 
 LONGEST_TIME = 1.0  # s; a column of time without unit that is longer may be in another unit
@@ -27,12 +26,12 @@ LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of 
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
-PLAIN = {  # names that may stand without a unit, which is then that of SI
-    "time": re.compile(r"t|(?i:time|zeit)"),
-    "temperature": re.compile(r"d?T|delta_T|(?i:.*\btemperature\b.*|rise)"),
+SI_NAMES = {  # headers that may stand without a unit, which is then that of SI
+    "time": ("t", "time", "Time", "TIME", "Zeit"),
+    "temperature": ("T", "dT", "delta_T", "temperature", "Temperature", "rise"),
 }
-SI = {"time": ("s", "seconds"), "temperature": ("K", "kelvin")}
-_COUNTS = re.compile(r"(?i)(?:index|idx|no\.?|nr\.?|n|#|point|sample|row|step|samples_averaged|averages?)\W*")
+SI_UNITS = {"time": "s", "temperature": "K"}
+KELVIN = ("K", "C", "degC", "deg C", "°C", "℃")  # behind the slash of a sensitivity
 ARRAYS = {".npz": "NumPy", ".npy": "NumPy", ".mat": "MATLAB", ".h5": "HDF5", ".hdf5": "HDF5"}  # endings, of what
 ASK_UNITS = 'give the units of time and temperature, such as --units "us,mV"'
 
@@ -165,15 +164,14 @@ def _start(
     """Start of heating in s, None where it is to be found, and how far it may be off: from a quantity or a column."""
     if not isinstance(start, str):
         return start, 0.0
-    drives = [column for column in table.columns if start in (column.header, column.name)]
-    if not drives:
+    if all(start not in (column.header, column.name) for column in table.columns):
         return quantity.parse(start, "s", name="--start"), 0.0
     column = _named(table, "start", start)
     levels = _levels(column)
     if levels is None:
         rule = "has not two levels, as a drive that is switched has"
         raise checks.InputError(f"--start = {checks.shown(start)}: {column.label} {rule}", "give --start in s")
-    edge = int(np.flatnonzero(np.diff(levels))[0])
+    edge = int(np.argmax(np.diff(levels)))
     middle = float(t[edge] + t[edge + 1]) / 2
     said.append(f"the heating begins at {quantity.rounded(middle, 's', 4)}, the first edge of {column.label}")
     return middle, float(t[edge + 1] - t[edge])
@@ -181,11 +179,10 @@ def _start(
 
 def _levels(column: Column) -> NDArray[np.bool_] | None:
     """Whether each row of a column is at the upper of its two levels; None for a column that has not two."""
-    low = float(column.values.min())
     swing = float(np.ptp(column.values))
     if not np.isfinite(swing) or swing == 0:
         return None
-    share = (column.values - low) / swing
+    share = (column.values - column.values.min()) / swing
     between = (share > LEVEL) & (share < 1 - LEVEL)
     return None if between.mean() > EDGES else share > 0.5
 
@@ -200,54 +197,38 @@ def _no_search(table: NumberTable, chosen: Sequence[Column], heated: str, read: 
     )
 
 
-def _light(column: Column, given: str, said: list[str]) -> Array:
-    """Light in W, V, or the unit that the table counts in."""
-    unit = given or column.unit
-    if not unit:
-        said.append(f"{column.label} states no unit: light in an arbitrary one")
-        return checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    scale = scale_of(unit)
-    if scale is None or scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
-        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of light", ASK_UNITS)
-    return checks.numbers(column.label, column.in_si(unit), most=1e30, hint="take such rows out")
-
-
 def _columns(
     table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
 ) -> tuple[Column, ...]:
     """Columns of time and temperature and, where ``power`` is the name of one, of power."""
-    third: tuple[Column, ...] = ()
-    if isinstance(power, str):
-        third = (_named(table, "power", power),)
+    drive = (_named(table, "power", power),) if isinstance(power, str) else ()
     if columns is not None:
-        return (*_numbered(table, columns), *third)
+        return (*_numbered(table, columns), *drive)
     first = None if time is None else _named(table, "time", time)
     second = None if temperature is None else _named(table, "temperature", temperature)
-    free = [column for column in table.columns if column not in (first, second, *third)]
+    free = [column for column in table.columns if column not in (first, second, *drive)]
     if first is None:
-        likely = [column for column in free if _measures(column, "time", (TIME,))]
-        if not likely and len(free) <= 2:
-            likely = free[:1]
-        first = likely[0] if len(likely) == 1 else None
-    free = [column for column in free if column is not first and not _COUNTS.fullmatch(column.header)]
-    if second is None and first is not None:
-        likely = [column for column in free if _measures(column, "temperature", (TEMPERATURE, IMPEDANCE))]
-        likely = likely if len(likely) == 1 else free
-        second = likely[0] if len(likely) == 1 else None
+        first = _only(free, "time", (TIME,)) or (free[0] if 0 < len(free) <= 2 else None)
+    free = [column for column in free if column is not first]
+    if second is None:
+        second = _only(free, "temperature", (TEMPERATURE, IMPEDANCE)) or (free[0] if len(free) == 1 else None)
     if first is None or second is None or first is second:
         example = ",".join(str(column.number) for column in table.columns[:2])
         raise checks.InputError(
             f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
             f"{example}, or --time and --temperature"
         )
-    return first, second, *third
+    return first, second, *drive
 
 
-def _measures(column: Column, role: str, dimensions: tuple[str, ...]) -> bool:
-    """Whether the unit of a column, or without one its name, says that it is a time or a temperature."""
-    if column.scale is None:
-        return bool(PLAIN[role].fullmatch(column.header))
-    return column.scale.dimensions in dimensions
+def _only(columns: Sequence[Column], role: str, dimensions: tuple[str, ...]) -> Column | None:
+    """The one column whose unit, or without one whose name, says that it is a time or a temperature; else None."""
+    likely = []
+    for column in columns:
+        measures = column.header in SI_NAMES[role] if column.scale is None else column.scale.dimensions in dimensions
+        if measures:
+            likely.append(column)
+    return likely[0] if len(likely) == 1 else None
 
 
 def _numbered(table: NumberTable, columns: Any) -> list[Column]:
@@ -264,7 +245,7 @@ def _numbered(table: NumberTable, columns: Any) -> list[Column]:
 
 def _named(table: NumberTable, role: str, name: str) -> Column:
     """The column with this header, with or without its unit."""
-    short = _without_unit(name)[0]
+    short = name_and_unit(name)[0]
     same = [column for column in table.columns if column.header == name]
     same = same or [column for column in table.columns if column.name == short]
     if len(same) != 1:
@@ -276,20 +257,13 @@ def _named(table: NumberTable, role: str, name: str) -> Column:
     return same[0]
 
 
-def _without_unit(name: str) -> tuple[str, str]:
-    """A name and the unit in brackets behind it, "" where there is none: "TIME (us)" as the caller wrote it."""
-    short, bracket, unit = name.partition("(")
-    return (short.strip(), unit.rstrip(") ")) if bracket else (name.strip(), "")
-
-
 def _units(units: str | Mapping[str, str] | None, time: str | None, temperature: str | None) -> dict[str, str]:
     """Units by role ("time", "temperature") from either form of ``units``, else from behind the names of columns."""
     given = dict(zip(ROLES, units.split(","), strict=False)) if isinstance(units, str) else dict(units or {})
     for role in given:
         checks.choice("units", role, ROLES)
     for role, name in (("time", time), ("temperature", temperature)):
-        unit = _without_unit(name or "")[1]
-        given[role] = given.get(role) or (unit if scale_of(unit) else "")
+        given[role] = given.get(role) or name_and_unit(name or "")[1]
     return given
 
 
@@ -301,26 +275,22 @@ def _unit(table: NumberTable, column: Column, role: str, said: list[str]) -> str
     if column.unit:
         return column.unit
     above = table.units_above((TIME,) if role == "time" else READINGS)
-    stated = {unit: line for unit, line in above if is_about_units(line)}
+    stated = [unit for unit, line in above.items() if "unit" in line.lower()]
     if len(stated) == 1:
-        (unit, line), *_ = stated.items()
-        said.append(f"{column.label} is in {unit}, as {line[:40]!r} above the table says")
-        return unit
-    if not PLAIN[role].fullmatch(column.header):
-        raise checks.InputError(f"{column.label} states no unit and is no name of a {role}", ASK_UNITS)
-    if above:
-        line = above[0][1]
-        raise checks.InputError(f"{column.label} states no unit, and {line[:40]!r} stands above the table", ASK_UNITS)
-    unit, word = SI[role]
+        said.append(f"{column.label} is in {stated[0]}, as {above[stated[0]][:40]!r} above the table says")
+        return stated[0]
+    lines = "".join(f", and {line[:40]!r} stands above the table" for line in list(above.values())[:1])
+    if lines or column.header not in SI_NAMES[role]:
+        raise checks.InputError(f"{column.label} states no unit{lines}", ASK_UNITS)
     if role == "time":
         span = f"the span of {column.label}, which states no unit,"
         checks.between(span, np.ptp(column.values), 0, LONGEST_TIME, hint=ASK_UNITS)
-    said.append(f"{column.label} states no unit: {word}")
-    return unit
+    said.append(f"{column.label} states no unit: {SI_UNITS[role]}")
+    return SI_UNITS[role]
 
 
-def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> tuple[Scale, Array]:
-    """Scale of a column in a unit, and its values in SI.
+def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> tuple[str, Array]:
+    """What a column in a unit measures, and its values in SI.
 
     Raises InputError: a unit of other dimensions, a number that is empty or not finite.
     """
@@ -330,7 +300,7 @@ def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -
         raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
     # beyond 1e30 is the code of an overload
     checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    return scale, column.in_si(unit)
+    return scale.dimensions, column.in_si(unit)
 
 
 def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
@@ -340,34 +310,43 @@ def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> A
     return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
+def _light(column: Column, given: str, said: list[str]) -> Array:
+    """Light in W, V, or the unit that the table counts in."""
+    unit = given or column.unit
+    if not unit:
+        said.append(f"{column.label} states no unit: light in an arbitrary one")
+    scale = scale_of(unit or "W")
+    if scale is None or scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
+        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of light", ASK_UNITS)
+    return checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
+
+
 def _temperatures(
     table: NumberTable, column: Column, given: str, sensitivity: str | float | None, wave: Waveform | None,
     said: list[str],
 ) -> Array:  # fmt: skip
     """Temperatures in K, or readings divided by the sensitivity."""
     unit = given or _unit(table, column, "temperature", said)
-    readings = READINGS
     kelvin = 1.0
-    role = "temperature"
     if sensitivity is not None:
         size, measured = _sensitivity(sensitivity)
-        readings = (measured,)
         kelvin = 1 / size
-        role = f"reading, whose sensitivity is {sensitivity}"
         said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
-    scale, y = _scaled(column, unit, role, readings)
-    if sensitivity is None and scale.dimensions == IMPEDANCE:
-        if not isinstance(wave, Constant):
+        _, y = _scaled(column, unit, f"reading, whose sensitivity is {sensitivity}", (measured,))
+    else:
+        measured, y = _scaled(column, unit, "temperature", READINGS)
+        if measured == IMPEDANCE and not isinstance(wave, Constant):
             raise checks.InputError(
                 f"{column.label} is in {unit}, an impedance under a step", "give a constant --power"
             )
-        said.append(f"{column.label} is in {unit}: multiplied by the power")
-        kelvin = wave.power
-    elif sensitivity is None and scale.dimensions == VOLTAGE:
-        said.append(
-            f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
-            'measured, --sensitivity "10 mV/K" makes kelvin of it'
-        )
+        if measured == IMPEDANCE and isinstance(wave, Constant):
+            said.append(f"{column.label} is in {unit}: multiplied by the power")
+            kelvin = wave.power
+        elif measured == VOLTAGE:
+            said.append(
+                f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
+                'measured, --sensitivity "10 mV/K" makes kelvin of it'
+            )
     # 1e5: beyond is the code of an overloaded instrument, such as 9.9E+37
     return checks.numbers(f"{column.label} in K", kelvin * y, most=1e5, hint="an overload, or another unit?")
 
@@ -376,13 +355,13 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     """A sensitivity in SI units of the reading per kelvin, and the dimensions of the reading."""
     if not isinstance(given, str):
         return checks.finite("sensitivity", given, unit="V/K"), VOLTAGE
-    match = re.fullmatch(r"\s*([+-]?)\s*(\d.*\S|\d)\s*/\s*(?:K|deg\s?C|°C|℃|C)\s*", given)
-    scale = scale_of(match[2]) if match else None
-    if match is None or scale is None or scale.offset or scale.decibels or scale.factor == 0:
+    reading, _, kelvin = given.strip().rpartition("/")
+    scale = scale_of(reading.lstrip("+-"))
+    if scale is None or scale.offset or scale.decibels or scale.factor == 0 or kelvin.strip() not in KELVIN:
         raise checks.InputError(
             f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"'
         )
-    sign = -1.0 if match[1] == "-" else 1.0
+    sign = -1.0 if reading.startswith("-") else 1.0
     return sign * scale.factor, scale.dimensions
 
 
