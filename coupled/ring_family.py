@@ -2,7 +2,9 @@
 
     ring of a member = `ring_from` of its geometry, within `family.optics.error`
 
-A given ring is scaled with the geometry: parameter(p) = parameter(p_0) computed(p)/computed(p_0).
+A given ring is scaled with the geometry: parameter(p) = parameter(p_0) computed(p)/computed(p_0). Quantities of
+`surrogate.uncertainty` and `surrogate.design`: `SettledPeriod` and `PulsingMap`, of a thermal model and the changes of
+optical numbers that `MovingRing` gives.
 """
 
 import math
@@ -11,13 +13,19 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import xarray as xr
+
 from thermofem import InputError, checks
+from thermofem.arrays import Array
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics.coupler import MOST
 from thermofem.ring_temperature import GuidedMode
 
+from .cycles.limit_cycle import limit_cycle
+from .maps.stability_map import stability_map
 from .resonator import RingResonator
 from .ring_from import base_of, fields_of
+from .unknowns import number_of, varied
 
 STILL = {"loss": 1.0, "kappa 0": 1e-2}  # loss and kappa^2 where the geometry does not give them: they are constant
 
@@ -113,6 +121,48 @@ class MovingRing:
         own = {name: getattr(self.ring, name) for name in ratios}
         found = {name: value * (ratios[name] - 1) for name, value in own.items() if value is not None}
         return found | {"scattering_rate": n["radiated"] - self._start["radiated"]}
+
+
+@dataclass(frozen=True)
+class SettledPeriod:
+    """Settled period (s) of a ring at one power (W) and detuning (Hz), as a function of its thermal model."""
+
+    ring: RingResonator
+    power: float
+    detuning: float = 0.0
+    __name__ = "settled_period"
+
+    def __call__(self, model: Any, changes: Mapping[str, float] | None = None) -> float:
+        """The period in s for a thermal model and changes of optical numbers (SI, by name)."""
+        ring, shift = _changed(self.ring, changes)
+        cycle = limit_cycle(ring, model, power=self.power, detuning=self.detuning + shift)
+        return float(cycle.attrs["period"])
+
+
+@dataclass(frozen=True, eq=False)
+class PulsingMap:
+    """Map over power (W) and detuning (Hz), True where no fixed point is stable, as a function of the thermal model."""
+
+    ring: RingResonator
+    powers: Array
+    detunings: Array
+    __name__ = "pulses"
+
+    def __call__(self, model: Any, changes: Mapping[str, float] | None = None) -> xr.DataArray:
+        """The Boolean map for a thermal model and changes of optical numbers (SI, by name)."""
+        ring, shift = _changed(self.ring, changes)
+        regimes = stability_map(ring, model, self.powers, self.detunings + shift).regime
+        return (regimes == "self-pulsing").assign_coords(detuning=self.detunings)
+
+
+def _changed(ring: RingResonator, changes: Mapping[str, float] | None) -> tuple[RingResonator, float]:
+    """The ring with changed optical numbers, and the change of the detuning in Hz."""
+    shifts = dict(changes or {})
+    detuning = shifts.pop("detuning", 0.0)
+    if not shifts:
+        return ring, detuning
+    values = {name: number_of(ring, name) + shift for name, shift in shifts.items()}
+    return varied(ring, values), detuning
 
 
 def _order(n: Mapping[str, float]) -> int:

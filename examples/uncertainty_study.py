@@ -13,7 +13,6 @@ its members, and the paper's measured ring follows them in proportion.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -23,7 +22,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
-from coupled.ring_family import MovingRing
+from coupled.ring_family import MovingRing, PulsingMap, SettledPeriod
 from thermofem.campaign import Drive, Variation
 from thermofem.plot import CYCLE
 
@@ -66,21 +65,6 @@ def family() -> surrogate.family.Family:
     return surrogate.train_family(th.Campaign(th.strip_ring().to_toml() + LIGHT, vary, (drive,), samples=1))
 
 
-def moved(changes: dict[str, float]) -> coupled.RingResonator:
-    """The ring with the optics of another geometry."""
-    return replace(RING, **{name: getattr(RING, name) + change for name, change in changes.items()})
-
-
-def settled_period(model: th.Foster, changes: dict[str, float]) -> float:
-    """Period in s of the limit cycle, with the optics of this geometry."""
-    return float(coupled.limit_cycle(moved(changes), model, power=POWER, detuning=0.0).attrs["period"])
-
-
-def pulses(model: th.Foster, changes: dict[str, float]):
-    """Whether the ring has no stable state, over the map."""
-    return coupled.stability_map(moved(changes), model, POWERS, DETUNINGS).regime == "self-pulsing"
-
-
 def figure(studies, probability, path: Path) -> None:
     """Bars of Sobol indices beside the map of the probability."""
     fig, (left, right) = plt.subplots(2, 1, figsize=(5.7, 7), layout="constrained")
@@ -115,7 +99,7 @@ def main() -> None:
         "thermal resistance": surrogate.uncertainty(rings, SPREAD, samples=1024),
         "time constant": surrogate.uncertainty(rings, SPREAD, "time_constant", samples=1024, interpolate=100),
         "settled period": surrogate.uncertainty(
-            rings, SPREAD, settled_period, samples=1024, optics=optics, interpolate=150
+            rings, SPREAD, SettledPeriod(RING, POWER), samples=1024, optics=optics, interpolate=150
         ),
     }
     for name, data in studies.items():
@@ -123,7 +107,7 @@ def main() -> None:
         error = data.attrs.get("interpolation_error")
         note = "" if error is None else f"; interpolated to {error:.1e} rms"
         print(f"{name}: +- {data.attrs['standard_deviation'] / data.attrs['mean']:.2%}, total indices {shares}{note}")
-    probability = surrogate.uncertainty(rings, SPREAD, pulses, samples=32, optics=optics)
+    probability = surrogate.uncertainty(rings, SPREAD, PulsingMap(RING, POWERS, DETUNINGS), samples=32, optics=optics)
     unsure = float(((probability["mean"] > 0.05) & (probability["mean"] < 0.95)).mean())
     print(f"{unsure:.0%} of the map pulse with a probability between 5 and 95 %")
     figure(studies, probability, folder / "uncertainty_study.png")

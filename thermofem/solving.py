@@ -186,6 +186,7 @@ def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol
         "discretization_error": mesh_error,
         "domain_error": domain_error,
         "geometry": heat.geometry.to_toml(),
+        "temperature_dependent": int(heat.nonlinear),
         "mesh_hash": mesh_hash(heat.mesh),
         "accuracy": heat.accuracy,
         "unknowns": heat.unknowns,

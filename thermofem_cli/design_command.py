@@ -1,24 +1,19 @@
 """``thermofem design`` and ``uncertainty``: the ring of a family that fits, and tolerances of its fabrication.
 
-The quantity of --period or --map is a function of a thermal model and, where the optics depend on the geometry, of
-changes of optical numbers.
+The quantities of --period and --map are those of `coupled.ring_family`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from scipy import stats
 
-import coupled
 import surrogate
 import thermofem as th
 from coupled import RingResonator
-from coupled.ring_family import MovingRing, ring_at
+from coupled.ring_family import MovingRing, PulsingMap, SettledPeriod, ring_at
 from coupled.thermal import as_read, check_geometry, geometry_of
-from coupled.unknowns import number_of, varied
 from surrogate.family import Family
 from surrogate.family.family import ChannelNames
 from thermofem import InputError, checks
@@ -29,8 +24,6 @@ from . import options
 from .command_files import check_outputs, expect, note_ring, ring_of
 from .console import note, say, working, written, wrote
 from .drive_texts import assigned, detuning_of, grid, reading
-
-Change = Mapping[str, float]
 
 
 def design(
@@ -154,7 +147,7 @@ def uncertainty(
     moving = None
     if map_:
         resonator = ring_for(found, channel, ring)
-        what = Pulsing(resonator, *grid(resonator, power, detuning, points))
+        what = PulsingMap(resonator, *grid(resonator, power, detuning, points))
         moving = optics_of(found, resonator)
     elif period:
         what, moving = settled_of(found, channel, ring, power, detuning)
@@ -290,51 +283,10 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
     return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
 
 
-@dataclass(frozen=True)
-class Settled:
-    """Settled period (s) of a ring at one power (W) and detuning (Hz), as a function of its thermal model."""
-
-    ring: RingResonator
-    power: float
-    detuning: float
-    __name__ = "settled_period"
-
-    def __call__(self, model: Any, changes: Change | None = None) -> float:
-        """Return the period in s for a thermal model and changes of optical numbers."""
-        moved, shift = _changed(self.ring, changes)
-        found = coupled.limit_cycle(moved, model, power=self.power, detuning=self.detuning + shift)
-        return float(found.attrs["period"])
-
-
 def settled_of(
     family: Family, channel: ChannelNames, ring: str, power: str, detuning: str
-) -> tuple[Settled, MovingRing | None]:
+) -> tuple[SettledPeriod, MovingRing | None]:
     """Return the settled period as a function of the member, and how the ring's optics depend on the geometry."""
     resonator = ring_for(family, channel, ring)
     watts = quantity.parse(power, "W", name="--power")
-    return Settled(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
-
-
-@dataclass(frozen=True, eq=False)
-class Pulsing:
-    """Map over power (W) and detuning (Hz), True where no fixed point is stable, as a function of the thermal model."""
-
-    ring: RingResonator
-    powers: Any
-    detunings: Any
-    __name__ = "pulses"
-
-    def __call__(self, model: Any, changes: Change | None = None) -> Any:
-        """Return the Boolean map for a thermal model and changes of optical numbers."""
-        moved, shift = _changed(self.ring, changes)
-        found = coupled.stability_map(moved, model, self.powers, self.detunings + shift).regime == "self-pulsing"
-        return found.assign_coords(detuning=self.detunings)
-
-
-def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
-    """Return the ring with changed optical numbers, and the change of the detuning in Hz."""
-    if not changes:
-        return ring, 0.0
-    rest = {name: change for name, change in changes.items() if name != "detuning"}
-    moved = varied(ring, {name: number_of(ring, name) + change for name, change in rest.items()})
-    return moved, changes.get("detuning", 0.0)
+    return SettledPeriod(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from coupled.kernel.library import library
 from thermofem import strip_ring
-from thermofem.mesh import find_committed, gmsh_problem
+from thermofem.mesh import committed_mesh, gmsh_problem
 
 from .console import show
 
@@ -58,7 +58,7 @@ def _packages() -> tuple[str, str | None]:
 
 
 def _meshes() -> tuple[str, str | None]:
-    missing = [a for a in (1e-3, 1e-4) if find_committed(strip_ring(), a) is None]
+    missing = [a for a in (1e-3, 1e-4) if committed_mesh(strip_ring(), a) is None]
     problem = f"no mesh of the reference strip at {missing}; reinstall" if missing else None
     return "reference strip at 1e-3 and 1e-4", problem
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
-from coupled.ring_family import MovingRing, ring_at
+from coupled.ring_family import MovingRing, PulsingMap, SettledPeriod, ring_at
 from thermofem_cli import app
 
 LIGHT = """
@@ -85,10 +85,6 @@ def test_the_period_moves_with_light_and_heat(folder, family):
     """Half the change of the settled period over two deviations, against geometries that are meshed and solved anew."""
     ring = ring_at(family, family.box.nominal)
 
-    def period(model, changes):
-        moved = dataclasses.replace(ring, **{name: getattr(ring, name) + change for name, change in changes.items()})
-        return coupled.limit_cycle(moved, model, power=POWER).attrs["period"]
-
     def independent(**values):
         geometry = section(folder, **values)
         model = surrogate.reduce(th.assemble(geometry).channels("core", "core"), tolerance=1e-5).model
@@ -96,6 +92,7 @@ def test_the_period_moves_with_light_and_heat(folder, family):
 
     spreads = {"width": stats.norm(450e-9, 2e-9), "box": stats.norm(2e-6, 2e-8)}
     moving = MovingRing(family, ring)
+    period = SettledPeriod(ring, POWER)
     found = surrogate.uncertainty(family, spreads, period, optics=moving, samples=16, interpolate=24)
     by = {str(name): found.per_deviation.sel(parameter=name).item() for name in found.parameter.values}
     width = (independent(width=452e-9) - independent(width=448e-9)) / 2
@@ -124,6 +121,25 @@ def test_a_ring_that_was_given_follows_in_proportion(folder, family):
     assert changes["thermo_optic"] / measured.thermo_optic == pytest.approx(
         after.mode.thermo_optic / before.mode.thermo_optic - 1, rel=0.02
     )
+
+
+def test_a_map_follows_the_resonance_and_the_rates():
+    """A shift by one step of the detunings is the neighbour's column; a rate is that of a ring with this rate."""
+    ring = coupled.borghi2021()
+    model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
+    powers = np.geomspace(1e-3, 10e-3, 4)
+    detunings = np.linspace(-40e9, 20e9, 13)
+    pulses = PulsingMap(ring, powers, detunings)
+    still = pulses(model)
+    assert 0.1 < still.mean() < 0.9
+    moved = pulses(model, {"detuning": 5e9})
+    np.testing.assert_array_equal(moved[:, :-1], still[:, 1:])
+    np.testing.assert_array_equal(moved.detuning, detunings)
+    lossy = dataclasses.replace(ring, loss_rate=3 * ring.loss_rate)
+    regimes = coupled.stability_map(lossy, model, powers, detunings).regime
+    changed = pulses(model, {"loss_rate": 2 * ring.loss_rate})
+    np.testing.assert_array_equal(changed, regimes == "self-pulsing")
+    assert (changed != still).any()
 
 
 def test_an_executor_gives_the_same(family):

@@ -136,6 +136,18 @@ def test_energy_closes_at_100_kelvin():
     assert data.attrs["heat_imbalance"] != 0
 
 
+def test_data_of_k_of_t_say_so_and_may_leave_the_thermal_resistance_of_small_powers():
+    times = np.linspace(0, 20e-6, 9)
+    data = th.solve(warm_fem(), th.Constant(15e-3), times, rtol=1e-3)
+    assert data.attrs["temperature_dependent"] == 1
+    halved = data.assign_attrs(thermal_resistance=data.attrs["thermal_resistance"] / 2)
+    assert th.dataset.response_of(halved).rise.size == times.size
+    with pytest.raises(th.InputError, match="K/W allows"):
+        th.dataset.response_of(halved.assign_attrs(temperature_dependent=0))
+    still = th.solve(th.assemble(th.strip_ring()), th.Constant(15e-3), times)
+    assert still.attrs["temperature_dependent"] == 0
+
+
 def test_long_runs_end_in_the_steady_state():
     heat = warm_fem()
     data = th.solve(heat, th.Constant(10e-3), [300e-6], rtol=1e-4)

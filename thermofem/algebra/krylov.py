@@ -25,9 +25,6 @@ from .factor import Solve, check_symmetric, factorize
 if TYPE_CHECKING:
     from ..models import StateSpace
 
-SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
-
-
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
 ADDS_MUCH = 1e-6  # squared length of what a column of unit length adds, above which one projection more is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"

@@ -20,7 +20,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, runs_of
-from ..geometry.cross_section import CrossSection
 from ..piecewise import bounds
 from ..waveforms import Waveform
 
@@ -46,7 +45,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
 
     wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
     Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
-        solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
+        solver, of the sampling and of the noise. Not where the attribute ``temperature_dependent`` says that
+        conductivity or specific heat depend on temperature.
     """
     swing = float(np.ptp(rise))
     noise = 0.0
@@ -56,7 +56,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     rtol = _rtol(data)
     R = static_gain(data)
     notes = () if periodic else _before_heat(wave, times, rise, noise + rtol * swing)
-    if R is None or _varies(data):
+    if R is None or data.attrs.get("temperature_dependent"):
         return notes
     begin = float(times[0])
     end = float(times[-1])
@@ -100,18 +100,6 @@ def _rtol(data: xr.Dataset) -> float:
     """Relative error of the solver, as the Dataset states it."""
     stated: Any = data.attrs.get("rtol", 1e-3)  # 1e-3 for data that do not state the rtol of their solver
     return checks.between("data.attrs['rtol']", np.asarray(stated).tolist(), 0.0, 1.0)
-
-
-def _varies(data: xr.Dataset) -> bool:
-    """Whether a property of the geometry depends on temperature; R_th is then that of small powers."""
-    text = data.attrs.get("geometry")
-    if not text:
-        return False
-    try:
-        geometry = CrossSection.from_toml_text(text)
-    except checks.InputError:
-        return False  # of a newer version
-    return any(geometry.material_of(name).varies for name in geometry.region_names)
 
 
 CLIPPED_ROWS = 12  # at the extreme value, at least

@@ -6,7 +6,8 @@ Dimensions and variables
     r, z (m) of the vertices and triangles over (triangle, corner).
 Attributes
     schema, thermofem_version, kind ("transient", from rest, or "periodic"), waveform (JSON), heated, read, and what
-    made the data: geometry (TOML), mesh_hash, materials, solver settings, energy balance.
+    made the data: geometry (TOML), temperature_dependent (1 where k or c_p follows T), mesh_hash, materials, solver
+    settings, energy balance.
 
 Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
 """

@@ -30,9 +30,8 @@ from .. import checks
 from ..arrays import Array, NDArray
 from ..geometry.cross_section import CrossSection
 from ..geometry.ring_sections import strip_ring
-from ..mesh import Mesh, find_committed, make, mesh_for
+from ..mesh import Mesh, committed_mesh, make, mesh_for
 from ..mesh.element_sizes import sizes
-from ..mesh.gmsh_mesher import read_committed
 from ..mesh.mesh_motion import Motion, quality
 from ..optics.modes import Light
 from .error_estimate import Estimate
@@ -293,9 +292,9 @@ def _on_own_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatPro
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """`assemble`, and the mesh without the cuts of contacts."""
     sizes(accuracy)
-    committed = find_committed(geometry, accuracy)
+    committed = committed_mesh(geometry, accuracy)
     if committed:
-        return adapted(geometry, read_committed(committed), accuracy)
+        return adapted(geometry, committed, accuracy)
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
     followed = leader and leader.follow(geometry)
     return followed or adapted(geometry, make(geometry, accuracy), accuracy)
@@ -370,7 +369,7 @@ def _strip(accuracy: float) -> Leader | None:
         geometry = strip_ring()
         leaders[accuracy] = None
         served = [a for a in COMMITTED if a <= accuracy <= COARSER * a]
-        file = find_committed(geometry, served[0]) if served else None
-        if file:
-            leaders[accuracy] = Leader(geometry, accuracy, read_committed(file))
+        committed = committed_mesh(geometry, served[0]) if served else None
+        if committed:
+            leaders[accuracy] = Leader(geometry, accuracy, committed)
     return leaders[accuracy]

@@ -39,23 +39,20 @@ def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
     Raises MissingLibraryError: gmsh is needed and cannot be loaded.
     """
     sizes(accuracy)
-    committed = find_committed(geometry, accuracy)
-    return read_committed(committed) if committed else make(geometry, accuracy)
+    return committed_mesh(geometry, accuracy) or make(geometry, accuracy)
 
 
-def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
-    """The file of the committed mesh with this content, in the installed package or in the checkout."""
-    here = Path(__file__).resolve().parents[1]
-    pattern = f"*-{content_hash(geometry, accuracy)}.npz"
-    installed = here / "meshes"
-    in_checkout = here.parent / "meshes"
-    committed = [*installed.glob(pattern), *in_checkout.glob(pattern)]
-    return committed[0] if committed else None
+def committed_mesh(geometry: CrossSection, accuracy: float) -> Mesh | None:
+    """The mesh with this content that benchmarks/make_meshes.py wrote; None where there is none.
 
-
-def read_committed(path: Path) -> Mesh:
-    """Read a mesh that benchmarks/make_meshes.py wrote: the arrays of a `Mesh` under their names."""
-    with np.load(path) as arrays:
+    ``meshes`` stands at the top of a checkout, and a wheel has it inside the package.
+    """
+    package = Path(__file__).resolve().parents[1]
+    pattern = f"meshes/*-{content_hash(geometry, accuracy)}.npz"
+    files = [*package.glob(pattern), *package.parent.glob(pattern)]
+    if not files:
+        return None
+    with np.load(files[0]) as arrays:
         names = tuple(arrays["region_names"].tolist())
         return Mesh(arrays["points"], arrays["triangles"], arrays["region"], names)
 

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..algebra.krylov import LONGEST, SHORTEST
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..data.display import model_html
 from .contract import AtSmallPower, at_times, check_rise, columns, keep_names, names, parts, reader, rows, warn_beyond
+
+SHORTEST = 1e-20  # s, of a time constant: rates below it and charges beyond the longest overflow in other programs
+LONGEST = 1e12  # s
 
 
 @dataclass(frozen=True, eq=False)
