@@ -78,12 +78,13 @@ MINUTES ?= 60
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
 
-# bounds, verdicts and errors of random reductions, rings, families and geometries
+# bounds, verdicts and errors of random reductions, rings, families and geometries; parameters of rings found again
 audit: .venv/installed-dev
 	$(BIN)/python tests/audit/accuracy.py 200
 	$(BIN)/python tests/audit/reductions.py 1500
 	$(BIN)/python tests/audit/verdicts.py 4000
 	$(BIN)/python tests/audit/families.py
+	$(BIN)/python tests/audit/pulls.py
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

@@ -110,7 +110,7 @@ def test_response_keeps_the_shape_of_the_times(model):
 
 
 def test_times_may_have_any_order_and_shape(model, power):
-    """Some kinds refused what others took, and the matrices all of it."""
+    """Every kind takes them."""
     times = np.array([[3e-6, 1e-7, 0.0], [1e-6, 3e-6, 2e-5]])
     order = np.argsort(times, axis=None)
     for ask in (model.step_response, lambda t: model.response(th.Pulse(power, 1e-6, 5e-7), t)):

@@ -76,7 +76,7 @@ def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
 
 
 def test_the_legend_of_period_errors_is_no_wider_than_the_figure():
-    """Two columns of the models of `thermofem validate` were cut off on both sides."""
+    """Two columns of the models of `thermofem validate` fit into it."""
     curve = surrogate.period_error(MODEL, MODEL, np.geomspace(1e-7, 1e-5, 20))
     names = [f"certified reduction (0.0001), {states} states" for states in (12, 13)]
     left, _ = FUNCTIONS["plot_period_errors"](dict.fromkeys(names, curve))
@@ -122,7 +122,7 @@ def test_the_spike_of_the_light_that_is_switched_on_sets_no_axis():
 
 
 def test_points_that_do_not_pulse_have_no_colour_of_a_regime():
-    """Slow transients, too, had the colour of "stable" in the panels of frequency and duty cycle."""
+    """Also slow transients, in the panels of frequency and duty cycle."""
     frame = {"dims": ("power", "detuning"), "coords": {"power": [1e-3, 2e-3], "detuning": [0.0, 1e9]}}
     regime = xr.DataArray([["slow transient", "self-pulsing"]] * 2, **frame)
     duty = xr.DataArray([[np.nan, 0.4]] * 2, **frame)
@@ -132,7 +132,7 @@ def test_points_that_do_not_pulse_have_no_colour_of_a_regime():
 
 
 def test_the_names_of_parts_stand_beside_the_cross_section():
-    """A name lay over the frame and left it."""
+    """No name lies over the frame."""
     geometry = th.heated_ring()
     ax = FUNCTIONS["plot_preview"](geometry, th.assemble(geometry, accuracy=0.05).mesh)
     figure = ax.figure
@@ -165,7 +165,7 @@ def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
 
 
 def test_a_ring_on_one_bus_shows_its_through_port():
-    """There is no light at a drop port that it does not have; the panel was empty."""
+    """There is no light at a drop port that it does not have; the panel shows the through port."""
     ring = replace(coupled.borghi2021(), drop_rate=0.0)
     wave = coupled.Sweep([0, 1e-6], [10e9, -10e9])
     run = coupled.simulate(ring, MODEL, power=1e-3, detuning=wave, duration=1e-6)

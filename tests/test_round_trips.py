@@ -73,7 +73,7 @@ def same(one, other):
 
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_result_is_read_as_it_was_saved(name, heat, tmp_path):
-    """A branch of cycles over power stated the unit "SI", derivatives of the period "s per unit": neither was read."""
+    """Units of a branch of cycles over power, and of derivatives of the period, are read."""
     data = RESULTS[name](heat)
     th.save(data, tmp_path / "result.nc")
     again = th.load(tmp_path / "result.nc")

@@ -1,8 +1,7 @@
-"""Heat for other programs; `coupled.export` has rings whole.
+"""Heat for circuit and system simulators, and its matrices; `coupled.export` has rings whole.
 
-Model files of this project are `thermofem.models.model_files`.
-
-A format joins by a function ``write(model, target)`` and one line in `FORMATS`.
+A format is a `Format` in `FORMATS`: the ending of its files and a function ``write(model, target)``. The command and the
+checks take it from there. Model files of this project are `thermofem.models.model_files`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -101,7 +101,7 @@ def test_a_given_start_and_baseline_are_taken_as_known(tmp_path):
 @pytest.mark.parametrize("noise", [0.0, 0.001, 0.02])
 @pytest.mark.parametrize("bits", [0, 8, 12])
 def test_a_clipped_trace_is_named_and_a_settled_one_is_not(noise, bits):
-    """An instrument that ends at 60 % of the rise gave half the thermal resistance without a word."""
+    """An instrument that ends at 60 % of the rise would give half the thermal resistance."""
     t = np.linspace(-2e-6, 40e-6, 1501)
     rise = np.where(t >= 0, 1 - 0.6 * np.exp(-t / 0.8e-6) - 0.4 * np.exp(-t / 5e-6), 0.0)
     y = rise + noise * np.random.default_rng(3).standard_normal(t.size)

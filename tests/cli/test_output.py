@@ -50,7 +50,7 @@ def test_json_is_alone_on_standard_output(tmp_path):
 
 
 def test_quiet_hides_messages_and_no_results(tmp_path):
-    """-q left nothing, not even the numbers that were asked for."""
+    """-q hides progress and notes; the numbers that are asked for are printed."""
     loud = thermofem("solve", "--duration", "1 us", "--samples", "11", cwd=tmp_path)
     assert [line.split()[0] for line in loud.stdout.splitlines()] == ["R_th", "largest", "wrote"]
     assert "domain_error of up to 3.4e-03, above accuracy = 0.001: the bottom or outer side is too near" in loud.stderr

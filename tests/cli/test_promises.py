@@ -241,7 +241,7 @@ def test_an_export_replaces_exports_alone(to, tmp_path):
 
 @pytest.mark.parametrize("names", [["bad.nc"], ["good.nc", "bad.nc"]])
 def test_an_error_of_the_data_names_the_file(names, folder):
-    """`data.delta_T[2] = nan is not finite` did not say which of the files."""
+    """`data.delta_T[2] = nan is not finite` stands behind the name of the file."""
     for name, last in (("good.nc", 2.0), ("bad.nc", np.nan)):
         data = th.dataset.build(1e-7 * np.arange(10), np.arange(10.0), th.Constant(1e-3))
         data["delta_T"][2] = last

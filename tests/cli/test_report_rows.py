@@ -54,7 +54,7 @@ def test_a_full_run_has_every_row_of_the_template(results):
 
 
 def test_a_missing_number_is_a_dash_and_no_missing_row(results):
-    """The fit of three traces gave no deviations, and its row was not in the page: 83 rows of 84."""
+    """A fit of three traces has no deviations; its row is in the page all the same."""
     results["second_order_fit"].numbers["deviations"]["eta"] = None
     text, rows = page(results, {}, "", quick=False)
     assert len(rows) == ROWS

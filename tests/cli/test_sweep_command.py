@@ -78,7 +78,7 @@ def test_what_a_table_leaves_open_is_asked_for(tmp_path, header, arguments, said
 
 @pytest.mark.parametrize(("header", "units"), [("t (us),drop (dBm)", None), ("t,drop", "us,dBm"), ("t,drop", "us,DBM")])
 def test_a_trace_in_dbm_is_in_watts(tmp_path, header, units):
-    """0 dBm is 1 mW and -10 dBm .1 mW: it ended in code 70, or was fitted as a linear signal."""
+    """0 dBm is 1 mW and -10 dBm .1 mW."""
     rows = np.column_stack([np.arange(5), [0, -10, 0, -10, 0]])
     np.savetxt(tmp_path / "t.csv", rows, delimiter=",", header=header, comments="")
     trace = _table(tmp_path / "t.csv", "1,2", units)

@@ -286,7 +286,7 @@ def test_a_detector_with_a_bandwidth_is_a_low_pass():
 
 @pytest.mark.parametrize("later", [{"heater": 1e-3}, {"heater": th.Constant(1e-3)}, {"heater": 0.0}, None])
 def test_a_run_goes_on_with_the_heat_of_its_heaters(later):
-    """The heat that a heater had left was gone in the second run: 5.06 K became 0.90 K at once."""
+    """The heat that a heater has left is there when the second run begins: 5.06 K."""
     both = pair()
     B = np.column_stack([both.B, 0.3 * both.B[:, 0]])
     model = th.StateSpace(both.E, both.A, B, both.C, inputs=("one", "two", "heater"), outputs=("one", "two"))
@@ -410,7 +410,7 @@ def test_a_run_goes_on_under_a_function():
 
 
 def test_the_cycle_beside_a_heater_is_that_of_limit_cycle():
-    """A model with a heater was refused: "initial has 0 states of heaters"."""
+    """A circuit whose model has a heater begins with no states of it."""
     rate = np.append(1 / np.asarray(SECOND_ORDER.tau), 1 / 5e-6)
     own, other = np.sqrt(np.append(SECOND_ORDER.R, 100.0) * rate), np.array([0.2, 0.3, 0.5]) * np.sqrt(1000 * rate)
     model = heated(rate, own, other)

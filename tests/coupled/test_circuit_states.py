@@ -107,7 +107,7 @@ def test_a_dark_laser_of_another_frequency_changes_no_cycle():
 
 @pytest.mark.parametrize("average", [True, False])
 def test_the_start_alone_is_one_row(average):
-    """All accepted steps came back."""
+    """One row, not one for each accepted step."""
     circuit = coupled.bus([RING, RING])
     run = coupled.simulate(circuit, SECOND_ORDER, power={"in": 1e-3}, duration=1e-9, times=[0.0], average=average)
     assert run.sizes["time"] == 1

@@ -101,7 +101,7 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
 
 
 def test_a_time_constant_passes_that_of_another_pole():
-    """Poles that swapped where they met held the branch just beyond 1.2 us, and later cycles had the wrong model."""
+    """Poles swap where they meet; the branch goes on, and every cycle has its own model."""
     fixed = {"R": [2000.0, 4300.0], "tau": [56e-9, 1.2e-6]}
     model = th.Foster(R=[*fixed["R"], 1500.0], tau=[*fixed["tau"], 600e-9])
     branch = coupled.continue_cycle(RING, model, "tau2", (3e-6, 0.5e-6), power=POWER, points=40)
@@ -114,7 +114,7 @@ def test_a_time_constant_passes_that_of_another_pole():
 
 
 def test_a_branch_ends_where_the_network_is_passive_no_more():
-    """It went on to -500 K/W, with "stable" cycles of rings that `limit_cycle` refuses."""
+    """`limit_cycle` refuses the rings beyond, down to -500 K/W."""
     model = th.Foster(R=[2000.0, 5500.0], tau=[56e-9, 1.2e-6])
     branch = coupled.continue_cycle(RING, model, "R1", (-500.0, 2500.0), power=POWER)
     assert branch["R1"].values.min() > 0
@@ -193,7 +193,7 @@ def test_a_sign_change_alone_is_no_bifurcation(kind, multipliers, there):
 
 
 def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
-    """At the end of a canard explosion 7 to 23 folds were found, as many as the range given decided."""
+    """The end of a canard explosion is no row of folds, whatever the range."""
     ring = replace(coupled.borghi2021(), bus_rate=47147353672.30088).with_lumped_fcd()
     model = th.Foster(R=[2703.1507390077354, 5096.849260992264], tau=[7.271065412224265e-08, 6.582044312651478e-07])
     power = 0.005371607293613336

@@ -180,7 +180,7 @@ def test_what_fast_modes_leave_in_a_slope_is_not_read():
 
 
 def test_tables_in_the_loop():
-    """c_p of SiO2(T) has a kink at 300 K, which pulses cross; parabolas alone took 34 steps and a pass more."""
+    """c_p of SiO2(T) has a kink at 300 K, which pulses cross; parabolas alone take 34 steps and a pass more."""
     run = coupled.cosimulate(RING, warm_fem(), power=MW, duration=1.5e-6)
     assert run.delta_T.max() > 300 - 293.15
     assert run.attrs["passes"] == run.attrs["windows"]
@@ -315,7 +315,7 @@ def test_a_run_goes_on_where_another_ended(system):
 
 
 def test_a_beginning_in_other_units_is_the_same():
-    """mK counted as K: 6209 K instead of 6.2 K; a cycle without some rows began 15 K too hot."""
+    """mK are no K, 6209 K for 6.2 K; a cycle without some rows would begin 15 K too hot."""
     heat, network = coarse_fem(), surrogate.reduce(coarse_fem(), tolerance=1e-4)
     run = coupled.cosimulate(RING, heat, power=20e-3, duration=5e-9)
     cycle = coupled.limit_cycle(RING, NETWORK, power=MW)
@@ -347,7 +347,7 @@ def test_what_cannot_be_a_beginning():
 
 
 def test_finite_elements_that_made_a_run_begin_another_with_its_end_alone():
-    """The second run ended in "times run from 0 to 5e-09 s, the field is at 5e-09 s"."""
+    """Times of the second run go on from the field's own, 5 ns."""
     fem = coupled.FEM(coarse_strip()[0])
     run = coupled.cosimulate(RING, fem, power=MW, duration=5e-9)
     with pytest.raises(th.InputError, match=r"heat is a coupled\.FEM that made a run before"):

@@ -54,7 +54,7 @@ def test_derivatives_are_those_of_converged_cycles(cycle):
 
 
 def test_derivatives_of_pulses_much_shorter_than_the_period():
-    """Steps of 1e-5 of the period met nothing of a pulse of 1e-3: the duty cycle's were off by 57 % to 137 %."""
+    """A pulse of 1e-3 of the period: steps of 1e-5 of it miss the duty cycle's by 57 % to 137 %."""
     model = th.Foster(R=[680.0, 4162.0, 5864.0, 1323.0], tau=[32e-9, 39.9e-9, 231e-9, 241e-9])
     rates = {"bus_rate": 2.083e10, "loss_rate": 9.015e8, "drop_rate": 0.0}
     carriers = coupled.ConstantLifetime(32.1e-9)

@@ -42,7 +42,7 @@ def test_the_curve_holds_the_folds_of_branches_in_one_parameter(curve):
 
 
 def test_the_curve_crosses_a_wide_window_from_every_start_and_the_page_shows_it(curve):
-    """A slope read off round-off ended it at 2.5 and 9.6 mW of a window of 2 to 10 mW."""
+    """It ends at the borders, 2 and 10 mW, not where a slope is round-off."""
     assert curve["power"].values.min() < 2e-3
     assert curve["power"].values.max() > 10e-3
     assert curve.attrs["reason"] == "the end of the range; the end of the range"

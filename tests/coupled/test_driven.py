@@ -33,7 +33,7 @@ DRIVEN = {
 
 @pytest.mark.parametrize("name", DRIVEN)
 def test_the_answer_to_a_drive_is_no_self_pulsing(name):
-    """They were "self-pulsing", with the period of the drive or of the beat."""
+    """A drive or a beat has a period; the ring that follows it does not pulse by itself."""
     found = coupled.pulsing(coupled.simulate(RING, HEAT, **DRIVEN[name]))
     assert found.regime == "driven"
     assert found.reason.startswith("light or heaters vary up to ")

@@ -155,7 +155,7 @@ def test_a_link_restores_the_view(page, browser, file):
 
 @pytest.mark.parametrize(("loaded", "own"), [(2000, 5000), (300000, 900000), (3000, 2e6)])
 def test_a_link_restores_both_quality_factors(browser, file, loaded, own):
-    """Either was judged beside the other of the ring, 6622 and 110173: 2000 and 5000 came back as 2000 and 110173."""
+    """The two are judged together, not each beside the other of the ring, 6622 and 110173."""
     for link in (f"#loadedQ={loaded}&intrinsicQ={own}", f"#intrinsicQ={own}&loadedQ={loaded}"):
         with opened(browser, file, link) as page:
             state = page.evaluate("ringPage.state()")
@@ -175,7 +175,7 @@ def test_a_link_restores_both_quality_factors(browser, file, loaded, own):
     ],
 )
 def test_what_a_link_holds_and_cannot_be_taken_is_said(browser, file, link, words):
-    """It was left out without a word."""
+    """Nothing is left out without a word."""
     with opened(browser, file, f"#{link}&detuning=-3") as page:
         state = page.evaluate("ringPage.state()")
         assert (state["power"], state["loadedQ"], state["intrinsicQ"], state["detuning"]) == (8, None, None, -3)

@@ -119,7 +119,7 @@ def test_every_figure_is_saved(browser, file):
 
 
 def test_a_ring_on_one_bus_shows_its_through_port(browser, tmp_path):
-    """Its figures had the energy in the place of the drop power."""
+    """Its figures have the through power, not the energy, in the place of the drop power."""
     ring = dataclasses.replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
     path = tmp_path / "one.html"
     model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])

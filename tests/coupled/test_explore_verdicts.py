@@ -56,7 +56,7 @@ def test_rest_beside_an_unstable_fixed_point_is_a_slow_transient(js, seed):
 
 @pytest.mark.parametrize("seed", [17, 38])
 def test_the_duty_of_a_settled_cycle_of_short_pulses(js, seed):
-    """Steps of the page pass the tops of these pulses: read off their samples the duties were 8e-4 and 1.8e-3 off."""
+    """Steps of the page pass the tops of these pulses: duties read off its samples err by 8e-4 and 1.8e-3."""
     ring, model, power, detuning, duration = run_from_cold(seed)
     page = js(TRACE, argument(ring, model, power, detuning, duration=duration, settled=True))
     cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
@@ -64,7 +64,7 @@ def test_the_duty_of_a_settled_cycle_of_short_pulses(js, seed):
 
 
 def test_pulses_that_become_equal_are_one_period(js):
-    """They alternate by 1 % after 17 us, but not when settled: two of them counted as one period."""
+    """They alternate by 1 % after 17 us, and are equal when settled."""
     ring, model, power, detuning, duration = run_from_cold(1433)
     page = js(TRACE, argument(ring, model, power, detuning, duration=duration, settled=True))
     cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)

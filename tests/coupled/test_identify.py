@@ -129,7 +129,7 @@ def test_a_random_ring_without_noise_lies_within_its_deviations():
 
 @pytest.mark.slow
 def test_a_law_that_nearly_follows_traces_without_noise():
-    """Heat of three poles, one of them slow: the fit was called failed, and its deviations were nan."""
+    """Heat of three poles, one of them slow: the fit stands, and has deviations."""
     heat = th.Foster(R=[1500, 3500, 2500], tau=[40e-9, 500e-9, 5e-6])
     drives = ((6.31e-3, 0.0), (5.01e-3, -10e9), (6.31e-3, 15e9))
     traces = [measured(RING, heat, power, detuning, noise=0.0) for power, detuning in drives]
@@ -350,7 +350,7 @@ def test_a_period_that_is_a_multiple_of_the_models_is_said():
 
 
 def test_a_ring_that_rings_down_is_one_at_rest():
-    """Its ringing was read as a cycle, its model's as a rest: kappa was 5 % off with a deviation of 1e-6 of it."""
+    """Ringing that dies away is no cycle: read as one it gives a kappa that is 5 % off."""
     run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=32.5e9, duration=30e-6)
     assert coupled.pulsing(run).regime == "stable"
     (target,) = targets_of(run)
@@ -363,7 +363,7 @@ def test_a_ring_that_rings_down_is_one_at_rest():
 
 
 def test_traces_at_rest_have_no_lifetime(caplog):
-    """Any pair on the line tau_th/(m c_p) = R_th fits them: 1.0 us was found for 0.36 us, with a misfit of 2e-6."""
+    """Any pair on the line tau_th/(m c_p) = R_th fits them, such as 1.0 us for 0.36 us, with a misfit of 2e-6."""
     ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=3.6e-7, heat_capacity=5.2e-11)
     light = {"power": 5e-3, "detuning": -5e9}
     trace = coupled.simulate(ring, newton, **light, duration=20e-6, times=np.linspace(0, 20e-6, 4001))
@@ -375,7 +375,7 @@ def test_traces_at_rest_have_no_lifetime(caplog):
 
 
 def test_a_run_with_a_second_laser_or_a_heater_is_refused():
-    """Their light and heat counted as the ring's: R came out 3 % off, 800 standard deviations."""
+    """Their light and heat are not the ring's: R would be 3 % off, 800 standard deviations."""
     ring, model = coupled.borghi2021(), th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     light = {"power": 6.31e-3, "duration": 2e-6, "times": np.linspace(0, 2e-6, 501)}
     probe = coupled.Laser(1e-3, 0.0, replace(ring, frequency=ring.frequency + 1.5e12))
@@ -394,7 +394,7 @@ def test_a_run_with_a_second_laser_or_a_heater_is_refused():
 
 
 def test_a_trace_may_begin_late_or_hot_or_outlast_the_heat():
-    """A model that began cold was compared with them: bus_rate came out 7 to 12 % off, 7 to 10^4 deviations."""
+    """A model that begins cold gives a bus_rate that is 7 to 12 % off, 7 to 10^4 deviations."""
     fast, slow = (th.Foster(R=[2000, 4000, 1800], tau=[50e-9, 800e-9, tau]) for tau in (12e-6, 60e-6))
     drive = {"power": 6.31e-3, "detuning": 0.0}
 
@@ -419,7 +419,7 @@ def test_a_trace_may_begin_late_or_hot_or_outlast_the_heat():
 
 
 def test_a_trace_of_two_pulses_is_not_one_at_rest():
-    """Its mean was fitted as that of a ring at rest: eta = 0.70 +- 0.006 for 0.31."""
+    """Its mean is that of no ring at rest: eta would be 0.70 +- 0.006 for 0.31."""
     short = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, duration=2e-6, times=np.arange(0, 2e-6, 1e-9))
     cycle = coupled.limit_cycle(RING, EXPERIMENT, power=6.31e-3)
     for trace in (short, cycle):
@@ -430,7 +430,7 @@ def test_a_trace_of_two_pulses_is_not_one_at_rest():
 
 
 def test_a_trace_that_drifts_to_rest_is_compared_with_the_same_half():
-    """The model's last quarter stood against the last half of the trace: loss_rate came out 5 % off."""
+    """The last half of the model stands against the last half of the trace."""
     slow = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 6e-6])
     light = {"power": 3e-4, "detuning": -3e9}
     trace = coupled.simulate(RING, slow, **light, duration=10e-6, times=np.linspace(0, 10e-6, 4000))

@@ -34,7 +34,7 @@ def ctrl_c_is_heard():
 
 @pytest.mark.parametrize("duration", [9e-5, 5e-3], ids=["short", "long"])
 def test_an_interrupted_run_is_a_keyboard_interrupt(duration):
-    """In a process of its own: raised amid the hand-over of the results it was a SystemError or a crash."""
+    """In a process of its own, also where it is raised amid the hand-over of the results."""
     script = f"""
 import os, signal, threading
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored

@@ -272,7 +272,7 @@ def test_light_and_heat_that_run_away_end_in_one_line():
 @pytest.mark.parametrize("lasers", [(), coupled.Laser(1e-6, -2e9)])
 @pytest.mark.parametrize("G", [1e26, 1e30])
 def test_heat_that_grows_within_a_step_is_not_damped(G, lasers, monkeypatch):
-    """An L-stable step ended on the unstable fixed point -B/G, a rise of -2e-21 K under light, without a word."""
+    """An L-stable step can end on the unstable fixed point -B/G, a rise of -2e-21 K under light."""
     monkeypatch.setattr(integrator, "MAX_STEPS", 100_000)
     away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
@@ -280,7 +280,7 @@ def test_heat_that_grows_within_a_step_is_not_damped(G, lasers, monkeypatch):
 
 
 def test_no_cycle_damps_heat_that_grows_within_an_interval():
-    """A third mode that grows at 3e11 1/s: Newton's method gave a stable cycle, on which it rests at -B/G."""
+    """A third mode that grows at 3e11 1/s: Newton's method finds a stable cycle, on which it rests at -B/G."""
 
     def with_third(gain: float) -> th.Quadratic:
         rate = np.array([*1 / SECOND_ORDER.tau, 1e9])

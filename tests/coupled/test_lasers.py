@@ -138,7 +138,7 @@ def test_a_run_goes_on_with_its_lasers():
 
 
 def test_light_goes_on_at_its_own_resonance():
-    """Lasers in another order had each other's light; damaged light ended in a bare ValueError."""
+    """Lasers in another order keep each its light; damaged light is refused."""
     lasers = [
         coupled.Laser(1e-3, 0.0, NEXT),
         coupled.Laser(0.2e-3, 0.0, replace(NEXT, frequency=NEXT.frequency + 1e12)),

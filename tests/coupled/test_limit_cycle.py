@@ -45,7 +45,7 @@ def test_settled_period_of_the_reference_strip(validated):
 
 
 def test_heat_slower_than_any_transient_ends_in_one_line():
-    """With a pole of 1 s a transient could take 30 s, of 30 million pulses; the search had no end."""
+    """With a pole of 1 s a transient takes 30 s, of 30 million pulses."""
     slow = th.Foster(R=[1998.0, 5786.0], tau=[1e-6, 1.0])
     words = r" 1(\.0\d*)?e\+05 us from a cold ring .* a model without its slowest pole"
     with pytest.raises(th.InputError, match=words):
@@ -102,7 +102,7 @@ def test_the_period_is_that_of_a_long_precise_run(ring, R, tau, power, detuning,
 
 
 def test_pulses_far_apart_and_close_together_are_one_cycle():
-    """Waits of 191, 208 and 2262 ns: the next pulse was looked for within four times the last wait only.
+    """Waits of 191, 208 and 2262 ns: the next pulse may come later than four times the last wait.
 
     A small change of the state grows by some thousands between the pulses: a run of 2 ms at a tolerance of 1e-10 has
     cycles of 2661.055 to 2661.063 ns.
@@ -197,7 +197,7 @@ def test_a_ring_without_a_drop_port():
 
 @pytest.mark.parametrize(("detuning", "period"), [(-13.42e9, 393.4636e-9), (-11e9, 437.9887e-9)])
 def test_light_that_jumps_within_a_step_needs_every_step(detuning, period):
-    """Carriers of 1.3 ns at high Q: a derivative over pairs of steps had no multiplier near 1.
+    """Carriers of 1.3 ns at high Q: a derivative over pairs of steps has no multiplier near 1.
 
     The periods are those of `simulate` at rtol 1e-11 and 1e-13, mean over pulses; the steps of a cycle, at rtol 1e-9,
     magnify their errors a hundredfold in its edges, the period by up to 4e-5.

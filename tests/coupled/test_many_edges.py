@@ -33,7 +33,7 @@ def test_the_rise_is_that_of_a_square_wave():
 
 @pytest.mark.slow
 def test_two_million_edges_take_seconds():
-    """In a loop over the pieces it took more than a minute."""
+    """Pieces are prepared as arrays; a loop over them takes more than a minute."""
     begin = time.process_time()
     rises(np.array([1 / TAU, 10 / TAU]), np.array([[1e9, 1e9]]), square(1_000_000), 1e-6)
     assert time.process_time() - begin < 30

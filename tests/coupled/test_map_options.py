@@ -214,7 +214,7 @@ def test_every_number_that_may_be_varied_has_a_unit(ring):
 
 
 def test_a_lumped_dispersion_follows_its_coefficient():
-    """Maps and branches over lumped_fcd were constant: 675.8 ns at -9.5e-27 and at -1.2e-26 m^3."""
+    """Maps and branches over lumped_fcd move with it, from -9.5e-27 to -1.2e-26 m^3."""
     newton = th.Foster(R=[275e-9 / 3.3e-11], tau=[275e-9])
     vary = {"lumped_fcd": [-1.2e-26, -9.5e-27]}
     found = coupled.stability_map(LUMPED, newton, P, 0.0, vary=vary)["growth_rate"].values

@@ -82,7 +82,7 @@ def test_every_point_is_its_own_run(small):
 
 
 def test_a_trace_counts_every_cycle():
-    """At rtol = 1e-5 errors of the steps made every second cycle of this trace differ: a period of 1.76 us."""
+    """At rtol = 1e-5 errors of the steps make every second cycle of this trace differ."""
     model = surrogate.reduce(th.assemble(th.strip_ring(), accuracy=1e-3).system, tolerance=1e-4).model
     light = {"power": 1e-3 * 10**0.46, "detuning": 8e9}
     found = coupled.pulsing_map(RING, model, [light["power"]], [light["detuning"]], duration=20e-6)

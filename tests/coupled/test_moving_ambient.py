@@ -72,7 +72,7 @@ def test_a_run_goes_on_under_the_ambient():
 
 @pytest.mark.parametrize("port", [True, False])
 def test_rings_of_a_circuit_feel_the_ambient(port):
-    """Two rings in the dark: each follows as the single one does; a ramp, as a number was there for long."""
+    """Two rings in the dark: each follows as the single one does, a ramp and a number that has long been there."""
     model = two_rooms() if port else two_rooms().channel("core")
     ramp = coupled.Sweep([0, 40e-6], [0.0, 4.0])
     drive = {"duration": 40e-6, "rtol": 1e-9, "times": TIMES, "ambient": ramp}

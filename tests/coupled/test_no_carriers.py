@@ -40,7 +40,7 @@ def energies(times):
 
 
 def test_pulses_of_light_and_heat_alone():
-    """They were called stable in a circuit and a slow transient elsewhere: no carriers move."""
+    """The verdict is that of light and heat, in a circuit and elsewhere: no carriers move."""
     times = np.linspace(3e-6, 4e-6, 20001)
     run = coupled.simulate(RING, HEAT, power=POWER, detuning=DETUNING, times=times, duration=4e-6, rtol=1e-8)
     want = energies(times)
@@ -84,7 +84,7 @@ def test_a_branch_of_cycles_without_carriers_holds_single_cycles():
 
 
 def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():
-    """It was nan: relative to carriers that are 0. Its sign does not depend on what it is relative to."""
+    """Relative to carriers that are 0 it would be nan. Its sign does not depend on what it is relative to."""
     window = [1e-4, 1e-1], [-20e9, 20e9]
     none, few = (coupled.hopf_curves(replace(RING, tpa_coefficient=tpa), HEAT, *window) for tpa in (0.0, 1e-16))
     assert len(none) == len(few) > 0
@@ -96,7 +96,7 @@ def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():
 
 
 def test_a_circuit_of_such_a_ring_has_its_fixed_points():
-    """It had none: round-off of the carriers was compared with 1e-30."""
+    """Carriers have a scale of their own: round-off is not compared with 1e-30."""
     ring = replace(coupled.borghi2021(), tpa_coefficient=0.0)
     alone = coupled.steady_states(ring, HEAT, power=1e-3)
     found = coupled.steady_states(coupled.bus([ring]), HEAT, power={"in": 1e-3})
@@ -104,7 +104,7 @@ def test_a_circuit_of_such_a_ring_has_its_fixed_points():
 
 
 def test_a_second_resonance_of_such_a_ring_takes_no_more_steps():
-    """Steps were rejected for carriers of 1e-30: 115 639 of them in 20 ns."""
+    """Carriers of 1e-30 reject no step."""
     ring = replace(coupled.borghi2021(), tpa_coefficient=0.0)
     probe = coupled.Laser(1e-3, 0.0, resonance=replace(ring, frequency=ring.frequency + 1.5e12))
     run = coupled.simulate(ring, HEAT, power=5e-3, duration=20e-9, lasers=probe)
@@ -112,7 +112,7 @@ def test_a_second_resonance_of_such_a_ring_takes_no_more_steps():
 
 
 def test_the_rate_decides_whether_there_are_carriers():
-    """`tpa_coefficient` did, also where `with_rates` had set the rates."""
+    """The rate, not `tpa_coefficient`, also where `with_rates` has set it."""
     ring = coupled.borghi2021()
     same = replace(ring.with_rates(eta_tpa=ring.eta_tpa, g_tpa=ring.g_tpa), tpa_coefficient=0.0)
     model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])

@@ -62,7 +62,7 @@ def test_coherence_decays_as_of_a_lorentzian_line():
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
 def test_phase_diffuses_to_the_end_of_a_run(share):
-    """<(phi(t) - phi(0))^2> = 2 pi linewidth t; without a constant it went back to its start (0.046 of it at the end).
+    """<(phi(t) - phi(0))^2> = 2 pi linewidth t; without a constant it returns to its start (0.046 of it at the end).
 
     600 seeds: a variance is known to sqrt(2/600) = 5.8 %, and the bandwidth takes off 1/(pi^2 B t) of it, below 1 %.
     """
@@ -75,7 +75,7 @@ def test_phase_diffuses_to_the_end_of_a_run(share):
 
 
 def test_short_records_have_the_whole_variance():
-    """S bandwidth, also where a record holds one and a half periods: 0.49 of it came of 1.85 periods."""
+    """S bandwidth, also where a record holds one and a half periods."""
     values = [
         frequency_noise(1e6, bandwidth=1e9, duration=1.85e-9, seed=seed)(np.linspace(0, 1.85e-9, 20))
         for seed in range(1000)
@@ -107,7 +107,7 @@ def test_a_linear_ring_passes_slow_noise_on():
 
 
 def test_intensity_and_frequency_of_one_seed_are_independent():
-    """They were one series, and the noise behind a resonance came out 45 % too small or 30 % too large."""
+    """One series for both makes the noise behind a resonance 45 % too small or 30 % too large."""
     options, times = {"bandwidth": 1e9, "duration": 1e-6}, np.linspace(0, 1e-6, 20_001)
     both = (
         intensity_noise(1e-3, -130, **options)(times),
@@ -118,7 +118,7 @@ def test_intensity_and_frequency_of_one_seed_are_independent():
 
 
 def test_noise_that_is_negative_between_its_samples_is_refused():
-    """One seed of 400 had a spline that fell to -16 uW between samples above zero, which `simulate` then refused."""
+    """One seed of 400 has a spline that falls to -16 uW between samples above zero."""
     refused = 0
     for seed in range(60):
         try:

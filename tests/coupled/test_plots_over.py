@@ -58,7 +58,7 @@ def test_a_curve_in_other_units_lies_where_it_should(stability, hopf, curve):
 
 
 def test_a_run_with_a_swept_power_is_a_sweep():
-    """`simulate` calls the power input_power: a KeyError came of it."""
+    """`simulate` calls the power input_power."""
     curve = coupled.transmission(RING, SECOND_ORDER, power=(1e-4, 3e-3), detuning=0.0)
     run = coupled.simulate(RING, SECOND_ORDER, power=th.Sampled([0, 1e-6], [1e-4, 3e-3]), duration=1e-6)
     line = plot_transmission(curve, sweeps={"run": run}).lines[-1]
@@ -73,14 +73,14 @@ def test_a_branch_is_drawn_over_its_parameter(curve):
 
 
 def test_curves_of_power_and_detuning_have_no_place_on_other_axes(hopf):
-    """They were drawn as if the axis were the detuning."""
+    """They are not drawn as if the axis were the detuning."""
     other = coupled.stability_map(RING, SECOND_ORDER, POWERS, 0.0, vary={"loss_rate": [3e9, 4e9]})
     with pytest.raises(th.InputError, match="hopf and folds are curves of power and detuning"):
         plot_map(other, hopf=hopf)
 
 
 def test_traces_in_a_unit_of_their_own_keep_it():
-    """Volts were drawn as "drop power (mW)", a thousand times too high."""
+    """Volts are no drop power in mW."""
     run = coupled.simulate(RING, SECOND_ORDER, power=6e-3, duration=12e-6)
     trace = run[["drop"]].assign(drop=("time", 2e3 * run["drop"].values, {"units": "V"})).assign_attrs(run.attrs)
     found = coupled.identify(RING, trace, free=["tau_s"], bounds={"tau_s": (1.1e-6, 1.3e-6)}, runs=1)

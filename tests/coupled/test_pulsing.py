@@ -234,7 +234,7 @@ def test_coarse_samples_are_refused():
     ],
 )
 def test_cycles_have_a_period_only_where_it_is_settled(first, count, factor, regime):
-    """Two cycles that agree to 2 %; `tests/audit/verdicts.py`, seed 640111, had two of 3 and 9 % that died away."""
+    """Two cycles that agree to 2 %; in `tests/audit/verdicts.py`, seed 640111, two of 3 and 9 % die away."""
     ends = np.cumsum(first * factor ** np.arange(count))
     phase = 2 * np.pi * np.interp(TIMES, np.concatenate([[0.0], ends]), np.arange(count + 1))
     found = coupled.pulsing(trace(2 + np.sin(phase + 0.3)))
@@ -277,7 +277,7 @@ def settled_run():
 
 @pytest.mark.parametrize("samples", [12.5, 13.33, 14.5, 16.5, 25.5, 40.0, 100.0, 250.0])
 def test_few_samples_are_no_pattern_and_what_they_leave_open_is_said(settled_run, samples):
-    """12.5, 14.5 and 16.5 samples a cycle were read as a pattern of two unequal pulses."""
+    """12.5, 14.5 and 16.5 samples a cycle are no pattern of two unequal pulses."""
     true, sampled = settled_run
     found = coupled.pulsing(sampled(samples))
     assert (found.regime, found.pattern) == ("self-pulsing", 1)

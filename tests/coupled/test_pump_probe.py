@@ -81,7 +81,7 @@ def test_no_decay_determines_the_trap_energy():
 
 
 def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
-    """One search from the mean slopes, within a factor of 30 of them, ended at half of tau0 and twice tau_high."""
+    """One search from the mean slopes, within a factor of 30 of them, ends at half of tau0 and twice tau_high."""
     true = replace(PRINTED, trap_energy=0.35, tau_n=5e-9, tau_p=30e-9)
     fit = fit_carrier_decay(carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200)), true)
     # round-off of ln N, 4e-16 at 200 samples, through the condition of the fit, 1e3

@@ -144,7 +144,7 @@ def test_a_ring_file():
 
 @pytest.mark.parametrize("carriers", [RING.carriers, ConstantLifetime(10e-9)], ids=lambda law: type(law).__name__)
 def test_every_number_of_a_ring_survives_its_file(carriers):
-    """A field that neither the file nor the reader knew was lost without a word."""
+    """Every field is known to the file and to the reader."""
     assert {*ring_toml.UNITS.values(), *ring_toml.RATES.values()} <= quantity.SI
     numbers = {name: known.high for name, known in ring_toml.FIELDS.items() if name != "lumped_fcd"}
     fields = {name: (1e-10 if name.startswith("tau") else 1e-3) + 1.01 * x for name, x in vars(carriers).items()}

@@ -437,6 +437,6 @@ class Answer(Exact):
     ids=["absolute", "impatient", "short", "nan", "unit", "noise"],
 )
 def test_a_corrector_that_breaks_its_contract_is_named(broken, duration, words):
-    """Once they were believed: 293 K, and 7.38 K where 3.68 K is right."""
+    """Believed, they would give 293 K, and 7.38 K where 3.68 K is right."""
     with pytest.raises(th.InputError, match=words):
         coupled.cosimulate(RING, broken, power=6.31e-3, duration=duration)

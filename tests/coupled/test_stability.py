@@ -88,7 +88,7 @@ def test_folds_of_heat_alone_are_those_of_the_cubic():
 
 @pytest.mark.parametrize("share", [1e-1, 1e-2, 1e-3])
 def test_folds_are_found_in_windows_of_any_size(share):
-    """Windows between two of 300 points held no curve."""
+    """Also in windows between two of 300 points."""
     curve = coupled.transmission(RING, TWO, power=15e-3, detuning=(-150e9, 50e9))
     nu = curve.detuning.values
     turns = np.flatnonzero(np.diff(np.sign(np.diff(nu)))) + 1
@@ -103,7 +103,7 @@ def test_folds_are_found_in_windows_of_any_size(share):
 
 @pytest.mark.parametrize("scale", [0.685, 0.6875])
 def test_a_thin_closed_hopf_curve_is_found_in_every_window(scale):
-    """Between two sheets it was lost, or half of it, in windows wider than itself: 0 curves for 419 pulsing points."""
+    """Between two sheets, whole, also in windows wider than itself: 419 points pulse."""
     ring = replace(RING, fcd=tuple((scale * c, p) for c, p in RING.fcd))
     heat = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     seen = []
@@ -131,7 +131,7 @@ def _crossings(curve, power):
 
 
 def test_heat_that_lowers_another_part_counts():
-    """Poles of negative resistance, as of a part that the light does not heat, were left out of a map."""
+    """A map has poles of negative resistance, as of a part that the light does not heat."""
     model = th.Foster(R=[3000.0, -800.0, 2000.0], tau=[1e-6, 2e-7, 5e-8], inputs=("a",), outputs=("b",))
     found = coupled.stability_map(RING, model, [5e-3], [-32e9])
     rest = coupled.steady_states(RING, model, power=5e-3, detuning=-32e9)

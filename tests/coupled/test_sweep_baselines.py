@@ -108,7 +108,7 @@ def test_fractions_without_a_unit_are_asked_for():
 
 @pytest.mark.parametrize(("slope", "dark"), [(0.0, 0.0), (0.1, 0.0), (-0.1, 0.03)])
 def test_slope_and_dark_level_are_no_part_of_the_ring(slope, dark):
-    """Both were put into the rates, with pulls of 19 deviations and empty notes."""
+    """Put into the rates they give pulls of 19 deviations."""
     y = POWER * (peak() * (1 + slope * XI) + dark)
     ring = replace(BOTH, bus_rate=4e9, loss_rate=6e9)
     found = coupled.fit_transmission(ring, sweep("drop", y, "W", noise=2e-3 * y.max()), free=RATES)

@@ -33,7 +33,7 @@ def test_every_point_of_a_curve_is_a_fixed_point(laser):
 
 @pytest.mark.parametrize("width", [1e5, 1e7, 1e9, 60e9])
 def test_a_curve_reaches_from_border_to_border_of_any_range(width):
-    """Ranges between two of 600 points were empty."""
+    """Also in ranges between two of 600 points."""
     for nu in (-32e9, -10e9, 3e11):
         ends = (nu, nu + width)
         curve = coupled.transmission(RING, SECOND_ORDER, power=5e-3, detuning=ends)
@@ -100,7 +100,7 @@ HEAT = th.Foster(R=[2000, 5800], tau=[56e-9, 1.2e-6])
     ],
 )  # fmt: skip
 def test_wide_steps_end_where_narrow_ones_do(loss, bus, laser):
-    """Steps wider than the bistable range went onto the saddle, which no ring at rest can follow."""
+    """Steps wider than the bistable range lead to no saddle, which no ring at rest can follow."""
     ring = replace(RING, loss_rate=loss, bus_rate=bus)
     name = next(name for name in laser if isinstance(laser[name], tuple))
     wide = sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name])})

@@ -55,7 +55,7 @@ TRAINED = {"output map": POLES, "quadratic": replace(BENT, largest_rise=3.0), "n
     [(name, kind) for name in ASKED for kind in TRAINED if not ("circuit" in name and kind == "quadratic")],
 )  # circuits take linear models and output maps
 def test_a_rise_far_above_the_training_warns(name, kind):
-    """Alone the models warned; with light they did not."""
+    """The models warn alone and with light."""
     with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 3 K"):
         ASKED[name](TRAINED[kind])
     ASKED[name](replace(TRAINED[kind], largest_rise=30.0))
@@ -87,7 +87,7 @@ def test_cells_of_a_map_at_the_top_of_an_output_map_say_so(options):
 
 
 def test_the_hottest_cycle_of_a_map_need_not_swing_most():
-    """13.3 K is the largest swing here, and 15.7 K the highest rise: a training to 11.3 K was exceeded in silence."""
+    """13.3 K is the largest swing here, and 15.7 K the highest rise, which a training has to reach."""
     model = th.OutputMap(th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]), 1e-4, largest_rise=11.3)
     with pytest.warns(th.models.OutsideTrainingWarning, match="its training reached 11.3 K"):
         coupled.pulsing_map(RING, model, [8e-3, 8.01e-3], np.linspace(-60e9, 20e9, 17)[5:])

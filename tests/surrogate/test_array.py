@@ -98,7 +98,7 @@ def test_rings_of_different_geometry_stay_symmetric_within_their_meshes(mixed):
 
 
 def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
-    """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
+    """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, which no bound of 7e-5 covers."""
     monkeypatch.setattr(domain_truncation, "_reported", set())
     strip = of_oxide(outer_radius=120e-6)
     exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
@@ -162,7 +162,7 @@ def test_heaters_are_inputs_and_reach_their_neighbours():
 
 
 def test_an_array_of_more_than_500_states_is_saved(tmp_path):
-    """580 states of 20 rings were "not compact; surrogate.reduce it first", which takes no array."""
+    """580 states of 20 rings are compact: `surrogate.reduce` takes no array."""
     n, rng = 580, np.random.default_rng(0)
     C = rng.standard_normal((2, n))
     names = ("ring 1", "ring 2")
@@ -215,7 +215,7 @@ def test_pictures_hold_the_numbers(array):
 
 
 def test_half_times_of_rings_of_two_kinds():
-    """Pairs at one distance counted as equal: a ring had the half time of another one, 707 ns for 1274 ns."""
+    """Pairs at one distance need not be equal: the half times are 707 ns and 1274 ns."""
     kinds = [
         th.assemble(th.strip_ring(radius=r, width=w, outer_radius=2e-4), accuracy=1e-2)
         for r, w in ((5e-6, 4e-7), (1e-5, 2e-6))
@@ -241,7 +241,7 @@ def test_half_times_of_rings_of_two_kinds():
     ],
 )
 def test_rings_of_one_chip_share_its_layers_sides_and_ambient(other, words):
-    """The crosstalk was 47.3 or 37.4 K/W, as the ambient of the one ring or the other counted."""
+    """The ambient of the one or the other would make the crosstalk 47.3 or 37.4 K/W."""
     kinds = [th.assemble(geometry, 0.05) for geometry in (th.strip_ring(), other) if geometry]
     with pytest.raises(th.InputError, match=words):
         surrogate.reduce_array(kinds, [(0, 0), (30e-6, 0)])

@@ -107,7 +107,7 @@ def test_ngspice_finds_the_rise_of_an_output_map(ngspice, tmp_path):
 
 @pytest.mark.parametrize("word", ["null", "gnd", "temper", "ac"])
 def test_a_part_or_file_named_like_a_word_of_ngspice(ngspice, tmp_path, word):
-    """A part called "null" was the ground: 1 instead of 7800 K/W, without a word."""
+    """A part called "null" is no ground: 7800 K/W, not 1."""
     named = th.OutputMap(th.Foster(ONE.R, ONE.tau, inputs=(word,), outputs=(word,)), 1e-9)
     for model, path in ((ONE, tmp_path / f"{word}.cir"), (named, tmp_path / "ring.cir")):
         surrogate.export_model(model, path, to="spice")
@@ -121,7 +121,7 @@ def test_a_part_or_file_named_like_a_word_of_ngspice(ngspice, tmp_path, word):
 
 
 def test_an_output_that_no_pole_reaches_stays_cold(ngspice, tmp_path):
-    """Its node floated in SPICE, and its sum was empty in Verilog-A."""
+    """Its node reads 0 in SPICE, and its sum is 0 in Verilog-A."""
     model = th.StateSpace(
         np.eye(1),
         -1e6 * np.eye(1),

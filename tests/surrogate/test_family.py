@@ -40,7 +40,7 @@ def family() -> surrogate.family.Family:
 
 @pytest.mark.parametrize("most", [6, 8])
 def test_corners_of_a_box_are_different_ones(most):
-    """Of 6 corners of a box of three parameters two were different."""
+    """6 corners of a box of three parameters."""
     corners = Box.of(campaign(RADIUS, WIDTH, BOX)).corners(most)
     assert len(np.unique(corners, axis=0)) == len(corners) == most
 
@@ -186,7 +186,7 @@ def test_a_contact_on_a_side_of_the_domain_is_in_series(kind):
 
 @pytest.mark.slow
 def test_a_contact_may_begin_at_zero(tmp_path):
-    """Such a range ended in "-A is not positive definite": below 1e-14 m^2 K/W the core of a member hung free."""
+    """Below 1e-14 m^2 K/W the core of a member is held, not free."""
     contact = "interface.core.resistance"
 
     def ring(resistance: float) -> th.CrossSection:

@@ -125,7 +125,7 @@ def test_calibration_recovers_the_truth_with_honest_errors(family, rho):
 
 
 def test_periodic_data_count_at_their_own_times(family):
-    """Rows that are not spread evenly counted as if they were: off by 20 to 500 standard errors."""
+    """Rows that are not spread evenly, counted as if they were, are off by 20 to 500 standard errors."""
     truth, wave = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}, th.SquareWave(2e-3, 1e-6, 1 / 3)
     times, exact = th.waveforms.period_times(wave, 3001), family.model(**truth).periodic_response(wave, 3001)
     kept = np.unique(np.geomspace(1, 2900, 120).astype(int))
@@ -149,7 +149,7 @@ def test_calibration_needs_data(family):
 
 
 def test_calibration_refuses_data_of_another_part(family):
-    """The rise of the oxide was fitted by the members of the core."""
+    """The members of the core do not fit the rise of the oxide."""
     heat = th.assemble(family.box.base, accuracy=1e-2)
     data = th.solve(heat, th.Constant(1e-3), np.append(0.0, np.geomspace(1e-9, 1e-5, 20)), read="box")
     with pytest.raises(th.InputError, match="data was read in 'box', and the members are in 'core'"):
@@ -160,7 +160,7 @@ def test_calibration_refuses_data_of_another_part(family):
 
 
 def test_calibration_takes_a_table_whatever_its_column_is_called(family, tmp_path):
-    """The name of the column counted as a part that the members do not have."""
+    """The name of a column need not be a part of the members."""
     truth, times = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}, np.append(0.0, np.geomspace(2e-9, 50e-6, 150))
     rise = family.model(**truth).response(th.Constant(1e-3), times)
     table = tmp_path / "scope.csv"

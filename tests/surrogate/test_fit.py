@@ -123,7 +123,7 @@ def test_standard_errors_and_correlations_are_those_of_repeated_noise():
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_standard_errors_cover_noise_that_is_correlated_from_sample_to_sample(rho):
-    """At rho = .9 the pulls had a root mean square of 3.4."""
+    """At rho = .9, taken as white, the pulls have a root mean square of 3.4."""
     true, wave = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-6]), th.SquareWave(power=2e-3, period=2e-6, duty=0.33)
     times, pulls = np.linspace(0, 10e-6, 1000), []
     clean = true.response(wave, times)
@@ -137,7 +137,7 @@ def test_standard_errors_cover_noise_that_is_correlated_from_sample_to_sample(rh
 
 @pytest.mark.parametrize("noise", [(0.002, 0.1), (0.1, 0.002), (0.03, 0.03)])
 def test_each_trace_has_noise_of_its_own(noise):
-    """One variance for all traces: the pulls had a root mean square of 1.9 and of .2."""
+    """With one variance for all traces the pulls have a root mean square of 1.9 and of .2."""
     true = th.Foster(R=[2000.0, 5000.0], tau=[80e-9, 1.2e-6])
     traces = [
         (th.Constant(1e-3), np.linspace(1e-6, 2e-5, 1000)),
@@ -278,7 +278,7 @@ def test_ladder_of_two_by_hand():
 
 
 def test_the_ladder_of_a_ladder_is_itself():
-    """By way of its poles the last resistance came out 2e-4 off: it carries 1e-4 of the impedance."""
+    """By way of its poles the last resistance is 2e-4 off: it carries 1e-4 of the impedance."""
     ladder = th.models.cauer.Cauer(R=[1e4, 1e4, 1.0], C=[1e-13, 1e-9, 1e-13])
     assert surrogate.cauer(ladder) is ladder
     assert th.models.cauer.structure_function(ladder).capacity.values == pytest.approx(
@@ -373,7 +373,7 @@ def test_a_spectrum_is_stored_without_a_provenance_of_ones_own(step, tmp_path):
 
 
 def test_data_of_two_channels_are_refused_and_of_two_geometries_noted():
-    """Core and heater gave one model between the two, called core."""
+    """Core and heater would give one model between the two."""
     heat, times = th.assemble(th.heated_ring()), np.geomspace(1e-9, 1e-4, 60)
     core, heater, across = (
         th.solve(heat, th.Constant(1e-3), times, heated=a, read=b)
@@ -390,7 +390,7 @@ def test_data_of_two_channels_are_refused_and_of_two_geometries_noted():
 @pytest.mark.parametrize(("heated", "read"), [("heater", "heater"), ("left", "right")])
 @pytest.mark.parametrize("fit", FITS)
 def test_a_fit_bears_the_names_of_its_parts(fit, heated, read):
-    """A heater that was heated and read was called "core"."""
+    """Also where a heater is heated and read."""
     times = np.linspace(0, 1e-5, 50)
     rise = th.Foster([5e3, 1e3], [1e-6, 1e-7]).response(th.Constant(1e-3), times)
     data = th.dataset.build(times, rise, th.Constant(1e-3), attributes={"heated": heated, "read": read})

@@ -96,7 +96,7 @@ def test_unphysical_matrices_are_refused(tmp_path, matrices, reason):
 
 @pytest.mark.parametrize("C", [[[-1.0, 0.0]], [[1.0, -0.9]]])
 def test_a_state_space_in_which_heat_cools_the_heated_part_is_refused(tmp_path, C):
-    """It was loaded and saved with R_th = -1555.6 K/W; a pole of negative R was taken, too, unlike in a Foster."""
+    """R_th = -1555.6 K/W, and a pole of negative R as in a Foster network."""
     E, A, B = np.diag([1e-11, 1e-10]), np.array([[-1e-3, 5e-4], [5e-4, -7e-4]]), np.array([[1.0], [0.0]])
     path = surrogate.save_model(th.StateSpace(E, A, B, B.T), tmp_path / "m.json")
     with pytest.raises(th.InputError, match="is negative: the network is not passive"):
@@ -108,7 +108,7 @@ def test_a_state_space_in_which_heat_cools_the_heated_part_is_refused(tmp_path, 
 
 
 def test_the_parts_of_a_network_are_those_of_its_file(tmp_path):
-    """They were not read: heater and far loaded as core and core, and a file without them was taken."""
+    """heater and far are no core and core; a file without them is refused."""
     path = surrogate.save_model(MODELS["SINDy network"](), tmp_path / "m.json")
     content = json.loads(path.read_text())
     for which, name in (("inputs", "heater"), ("outputs", "far")):

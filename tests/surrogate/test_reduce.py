@@ -201,7 +201,7 @@ def test_tolerance_out_of_range(tolerance):
 @pytest.mark.parametrize("n", [2, 5, 7, 12])
 @pytest.mark.parametrize("ports", [1, 2])
 def test_the_bound_holds_where_the_basis_holds_the_ports_to_round_off(n, ports):
-    """Short chains of lumps: what is left of the ports then says nothing, and once a bound of 1e-10 stood for 2e-8."""
+    """Short chains of lumps: what is left of the ports says nothing there, and a bound of 1e-10 can stand for 2e-8."""
     for seed in range(4):
         rng = np.random.default_rng(seed)
         K = 1e-4 * (np.diag(2 + rng.random(n)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1))

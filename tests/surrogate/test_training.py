@@ -91,14 +91,14 @@ def test_decay_recovers_two_exponentials():
 
 @pytest.mark.parametrize("tau", [(3e-8, 1e-6), (1e-8, 3e-6), (1e-8, 1e-7, 1e-6), (1.46e-8, 4.25e-8, 2.15e-6, 8.92e-6)])
 def test_decay_of_samples_spread_over_decades(tau):
-    """One start from the length of the record ended at 20 ps and 298 ns, or in an error of LAPACK."""
+    """One start from the length of the record ends at 20 ps and 298 ns, or in an error of LAPACK."""
     t = np.append(0, np.geomspace(1e-9, 1e-4, 200))
     found = surrogate.fit_decay(t, np.exp(-t[:, None] / np.array(tau)).sum(axis=1), order=len(tau))
     assert found.tau == pytest.approx(tau, rel=1e-5, abs=0)
 
 
 def test_a_decay_says_what_its_samples_leave_open():
-    """One pole fitted with two, of which one was anything from 1.25 ns to 1 us, and pure noise came without a word."""
+    """One pole fitted with two, of which one is anything from 1.25 ns to 1 us, and pure noise."""
     t, noise = np.linspace(0, 5e-6, 500), np.random.default_rng(1).standard_normal(500)
     one = 8 * np.exp(-t / 1e-6) + 0.02 * noise
     assert surrogate.fit_decay(t, one, order=1).notes == ()
@@ -138,7 +138,7 @@ def test_a_thermal_resistance_other_than_that_of_the_data_is_told():
 
 
 def test_more_than_one_period_of_a_periodic_state_is_refused():
-    """The closed forms went on beyond the period: a linear answer had an output map of 0.015 /K."""
+    """The closed forms hold for one period: beyond it a linear answer has an output map of 0.015 /K."""
     wave, model = th.SquareWave(1e-3, 1e-6, 0.5), th.Foster([2e3, 5e3], [5e-8, 1e-6])
     one, rise = th.waveforms.period_times(wave, 101), model.periodic_response(wave, 101)
     twice, rises = np.append(one[:-1], 1e-6 + one), np.append(rise[:-1], rise)

@@ -34,7 +34,7 @@ def test_a_model_twice_as_slow_needs_twice_the_period():
 
 
 def test_the_swing_of_a_model_that_overshoots_is_that_of_its_peak():
-    """301 samples of a period missed a peak after 1e-3 of it: 8 % of the swing. The periods that follow were wrong."""
+    """301 samples of a period miss a peak after 1e-3 of it, 8 % of the swing, and the periods that follow from it."""
     for R, tau in (([9e3, -2e3], [1e-8, 1e-6]), ([-500.0, 6e3, -1e3], [3e-8, 2e-7, 4e-6])):
         poles, root = th.Foster(R, tau, inputs=("a",), outputs=("b",)), np.sqrt(np.abs(R) / np.array(tau))
         E, A = np.eye(len(tau)), -np.diag(1 / np.array(tau))
@@ -94,7 +94,7 @@ def test_a_swing_never_reached_is_infinite_and_one_always_exceeded_zero():
 
 
 def test_all_stretches_are_given_the_one_around_the_training_period_first():
-    """A model trained at 1 us was said to hold from 0.112 to 0.261 us, the widest stretch, or nowhere."""
+    """A model trained at 1 us holds around it, also where another stretch is wider."""
     import xarray as xr
 
     error = [0.15, 0.05, 0.05, 0.3, 0.0, 0.2]
@@ -195,7 +195,7 @@ def test_switched_waveforms_know_their_edges_and_their_mean(wave):
 
 @pytest.mark.parametrize("wave", [th.Symbols([1, 0, 1], rate=1e6, power=2e-3), th.Pulse(2e-3, 5e-7, start=1e-6)])
 def test_a_drive_that_ends_in_a_constant_power_is_compared_until_half_as_long_again(wave):
-    """Symbols were refused: the kinds of waveforms stood in a list."""
+    """Also Symbols: any waveform is one."""
     last = wave.breakpoints(0.0, 1.0)[-1]
     times = np.unique(np.concatenate([np.linspace(0, 1.5 * last, 4 * COMPARED), wave.breakpoints(0.0, last * 2)]))
     expected = np.abs(SLOW.response(wave, times) - FAST.response(wave, times)).max()

@@ -208,7 +208,7 @@ def test_a_domain_with_other_sides_goes_on_with_them(needs_mesher):
 
 @pytest.mark.slow
 def test_a_strip_of_millimetres_is_solved_in_seconds():
-    """A thousand times the reference took minutes and more than 6 GB. All lengths times s: R_th/s, exactly."""
+    """A thousand times the reference. All lengths times s: R_th/s, exactly."""
     lengths = (7.955e-6, 450e-9, 220e-9, 2e-6, 2e-6, 30e-6, 60e-6)
     large = th.assemble(th.strip_ring(*(1000 * length for length in lengths)))
     assert large.unknowns < 100_000
@@ -229,7 +229,7 @@ def test_a_probe_has_its_own_estimate():
 @pytest.mark.slow
 @pytest.mark.parametrize(("draw", "seed"), [("cross_section", 7), ("cross_section", 43), ("strip", 3)])
 def test_a_random_cross_section_keeps_the_promise(draw, seed, needs_mesher, monkeypatch):
-    """Three of those of `make audit`; 43 erred by 1.11e-3 before the error between two shifts had a margin (`PEAK`)."""
+    """Three of those of `make audit`; 43 errs by 1.11e-3 if the error between two shifts has no margin (`PEAK`)."""
     monkeypatch.syspath_prepend(str(ROOT / "tests" / "audit"))
     import accuracy
     import channels
@@ -240,7 +240,7 @@ def test_a_random_cross_section_keeps_the_promise(draw, seed, needs_mesher, monk
 
 @pytest.mark.parametrize("thickness", [100e-6, 2e-6])
 def test_along_a_plate_over_a_gap_no_domain_is_wide_enough(thickness, needs_mesher):
-    """R_th grows with the logarithm of the size: 1e-4 and .02 were stated, 1e-2 and .45 are due at 1000 sizes."""
+    """R_th grows with the logarithm of the size: 1e-2 and .45 are due at 1000 sizes."""
 
     def chip(radius):
         return th.CrossSection(

@@ -33,7 +33,7 @@ def reduced(tmp_path):
     ],
 )
 def test_a_changed_model_keeps_no_certificate(change, reduced, caplog):
-    """`show` called a bound proven for time constants that somebody had written in."""
+    """`show` calls no bound proven for time constants that somebody has written in."""
     tree = json.loads(reduced.read_text())
     change(tree)
     reduced.write_text(json.dumps(tree))

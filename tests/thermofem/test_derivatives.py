@@ -238,7 +238,7 @@ def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
 
 
 def test_a_reduction_of_another_mesh_of_equal_size_is_refused():
-    """Its poles are not those of the matrices; the slope of R_th was that of neither ring."""
+    """Its poles are not those of the matrices; the slope of R_th would be that of neither ring."""
     import surrogate
 
     other = th.assemble(th.strip_ring(radius=5e-6))

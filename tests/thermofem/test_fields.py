@@ -54,7 +54,7 @@ def test_what_cannot_be_written_says_why(data, tmp_path):
 
 
 def test_fields_in_other_units_and_number_types(data, tmp_path):
-    """A field in mK was written as it was, 14,315 for 14 K."""
+    """A field in mK is written in K."""
     other = data.copy(deep=True)
     for name in ("field", "delta_T"):
         other[name] = other[name] * 1e3

@@ -86,7 +86,7 @@ def test_bad_input_is_refused(component, options, reason):
     ],
 )
 def test_a_component_that_is_no_ring_is_refused(count, names):
-    """All of them became rings of the radius of their cross-section; a coupler ended in a TypeError of gdsfactory."""
+    """It is no ring of the radius of its cross-section; neither is a coupler."""
     for name in names.split():
         with pytest.raises(th.InputError, match=f"component has {count} closed waveguides on layer WG"):
             th.from_gdsfactory(getattr(gf.components, name)())
@@ -108,7 +108,7 @@ def test_rings_with_buses_and_couplers_are_taken(name, options):
 
 
 def test_another_width_is_a_registered_cross_section():
-    """An object or a partial ended in a ValueError of gdsfactory with 500 characters."""
+    """An object or a partial is refused in one line."""
     narrow = partial(gf.cross_section.strip, width=0.45)
     for given in (narrow, narrow()):
         with pytest.raises(th.InputError, match=r"^cross_section of the component = .* register it first"):

@@ -69,7 +69,7 @@ def test_sections_in_the_middle_become_parts(monkeypatch):
     ],
 )
 def test_sections_that_would_be_moved_or_dropped_are_refused(monkeypatch, sections, words):
-    """The offset was ignored, and the second section on a level dropped: one heater over the core for two beside it."""
+    """An offset, and a second section on a level: two heaters beside the core are not one over it."""
     with pytest.raises(th.InputError, match=words):
         imported(monkeypatch, *sections)
 

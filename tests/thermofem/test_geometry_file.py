@@ -160,7 +160,7 @@ def test_bad_laws(law, words):
 
 @pytest.mark.parametrize("more", ["", ", value = '1.5 W/m/K'", ", r = '1.5 W/m/K', z = '1 W/m/K'", ", z = '1 W/m/K'"])
 def test_a_value_beside_a_table_is_that_of_the_table(more):
-    """Any value was taken, and scaled the table; a path still scales it, and every form is written and read back."""
+    """It scales no table; a path does, and every form is written and read back."""
     text = STRIP + f"[material.Si]\nconductivity = {{ {TABLE}{more} }}\n"
     geometry = CrossSection.from_toml_text(text)
     silicon = geometry.material_of("core")

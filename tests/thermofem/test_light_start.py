@@ -29,7 +29,7 @@ def device(seed):
 
 @pytest.mark.parametrize("seed", [4, 7, 10, 13])
 def test_light_that_falls_before_it_rises_has_its_start_in_the_bars(seed, tmp_path):
-    """Searched as a temperature, the start of these was up to 20 us late and R wrong by 298 %, 21 deviations."""
+    """Searched as a temperature, the start of these is up to 20 us late and R wrong by 298 %, 21 deviations."""
     R, tau, power, bias, V = device(seed)
     t = np.linspace(-9e-6, 60e-6, 800)
     rise = R * power * (1 - np.exp(-np.maximum(t, 0) / tau))
@@ -60,7 +60,7 @@ def test_light_without_rows_at_rest_asks_for_its_start(tmp_path):
 
 
 def test_a_fall_of_light_is_a_drive_and_its_order_is_found(tmp_path):
-    """800 K/W and 6 us, bias .4: the light was negated before, and none of six traces was right."""
+    """800 K/W and 6 us, bias .4: the light is not negated."""
     t = np.linspace(-10e-6, 60e-6, 500)
     fall = 48.0 * np.exp(-np.maximum(t, 0) / 6e-6)
     light = (1 + 0.9 * np.cos(0.4 + SHIFT * fall)) / 2
@@ -88,7 +88,7 @@ def delayed(tmp_path):
 
 
 def test_the_start_of_another_part_is_not_searched(delayed):
-    """The delay of diffusion counted as a late start: 370 +- 13 ns, 28 deviations."""
+    """The delay of diffusion is no late start: it would be 370 +- 13 ns, 28 deviations."""
     with pytest.raises(th.InputError, match=r"by diffusion.*--start \"0 s\" or --start 'gate \(V\)'"):
         th.read_trace(delayed, 5e-3, heated="heater", read="core")
     found = th.read_trace(delayed, 5e-3)
@@ -112,7 +112,7 @@ def test_a_delay_of_diffusion_is_in_the_bars(start, delayed):
 
 @pytest.mark.parametrize("start", [None, 0.0])
 def test_a_late_fall_ends_its_heating_at_zero(start, tmp_path):
-    """Even rows from 2 us on; 2954 for 3200 K/W when the fall began at its first row."""
+    """Even rows from 2 us on; 2954 for 3200 K/W if the fall began at its first row."""
     t = 2e-6 + np.arange(600) * 1e-7
     gains = np.array([1200.0, 2000.0])
     y = 300 + (1e-3 * gains * np.exp(-t[:, None] / np.array([3e-6, 20e-6]))).sum(axis=1)

@@ -103,7 +103,7 @@ def test_a_table_is_held_beyond_its_ends():
 
 @pytest.mark.parametrize("law", [PowerLaw(0.5, 4.0), Table((1, 2, 4), (1.0, 2.0, 3.0), 4.0)])
 def test_a_law_is_held_below_1_k(law):
-    """An iteration may ask there; the integral of a power law ended at 1 K, a table went on as a parabola."""
+    """An iteration may ask there; no integral of a power law ends at 1 K, and no table goes on as a parabola."""
     assert law.factor([0.2, 0.7]) == pytest.approx(float(law.factor(1.0)), rel=1e-14)
     slope = (law.integral(4.0, -3.2) - law.integral(4.0, -3.4)) / 0.2
     assert slope == pytest.approx(float(law.factor(1.0)), rel=1e-12)

@@ -199,7 +199,7 @@ def squares(path, version, binary, *, joined=True, quads=False, z=0.0):
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("version", [2.2, 4.1])
 def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, binary):
-    """Quadrangles were left out, and points out of the plane moved into it."""
+    """Quadrangles are not left out, and points out of the plane not moved into it."""
     path = tmp_path / "squares.msh"
     found = mesh.load(squares(path, version, binary)).volumes()
     assert found == pytest.approx({"core": np.pi * 1e-18, "box": 3 * np.pi * 1e-18}, rel=ROUND_OFF, abs=0)
@@ -262,7 +262,7 @@ def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path):
 
 
 def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
-    """gmsh's files state no unit; a ring of 30 m was loaded without a word."""
+    """gmsh's files state no unit; a ring of 30 m is none of a chip."""
     path = tmp_path / "ring.msh"
     heater_mesh.save(path)
     mesh.load(path)
@@ -276,7 +276,7 @@ def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("version", [2.2, 4.1])
 def test_damaged_bytes_are_refused_or_make_a_mesh(needs_mesher, tmp_path, version, binary):
-    """A count that was overwritten took 4 GB."""
+    """A count that is overwritten takes no 4 GB."""
     path = squares(tmp_path / "ring.msh", version, binary)
     for damaged in hostile.damaged(path.read_bytes(), 7, 100):
         path.write_bytes(damaged)
@@ -353,7 +353,7 @@ def test_parts_that_meet_within_round_off_are_refused(columns, tmp_path):
 
 
 def test_clockwise_triangles_are_turned_round():
-    """They were kept, and the volume of the cone was -pi/3."""
+    """Otherwise the volume of the cone is -pi/3."""
     given = np.array([[0, 2, 1]])
     cone = mesh.Mesh([[0, 0], [1, 0], [0, 1]], given, [0], ("a",))
     assert cone.volumes()["a"] == pytest.approx(np.pi / 3, rel=1e-15)  # a cone of radius and height 1 m

@@ -135,7 +135,7 @@ def test_a_first_time_of_round_off_costs_no_more():
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4])
 def test_no_gap_between_shifts_is_wider_than_said(rtol):
-    """Two shifts four decades apart did not settle within 25 rounds from 10 ps on."""
+    """Two shifts four decades apart do not settle within 25 rounds from 10 ps on."""
     heat, times = th.assemble(th.strip_ring()), np.geomspace(1e-11, 1e-6, 6)
     data = th.solve(heat, STEP, times, read=("core", "box", "cladding"), rtol=rtol)
     assert (data.attrs["method"], data.attrs["solves"] < 80) == ("closed form", True)

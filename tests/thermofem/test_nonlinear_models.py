@@ -11,7 +11,7 @@ POLE = th.Foster(R=[7800.0], tau=[1e-6])
 
 
 def test_equal_poles_have_a_step_response_and_an_impedance():
-    """A cascade of equal poles has no basis of eigenvectors: the numbers were those of a singular matrix."""
+    """A cascade of equal poles has no basis of eigenvectors: their matrix is singular."""
     A = 1e6 * (np.diag([1.0, 1.0], -1) - np.eye(3))
     model = th.Quadratic(A, np.zeros((3, 3, 3)), np.zeros((3, 3)), [1e10, 0.0, 0.0], [0.0, 0.0, 1.0])
     t, f = np.geomspace(1e-7, 1e-2, 20), np.array([0.0, 1e5, 1e6])
@@ -21,7 +21,7 @@ def test_equal_poles_have_a_step_response_and_an_impedance():
 
 
 def test_powers_that_are_no_numbers_are_refused():
-    """nan and text came back as nan or ended in NumPy's words."""
+    """nan and text, in one line."""
     for call in (th.OutputMap(POLE, -4e-4).steady_rise, logistic().steady_state, logistic().steady_rise):
         for power in (np.nan, "1 mW"):
             with pytest.raises(th.InputError, match="power"):
@@ -138,7 +138,7 @@ def test_the_jacobian_is_the_derivative_of_the_rate():
 
 
 def test_the_start_alone_is_at_rest():
-    """The integrator was given 1e-308 s, and the model was said to run away."""
+    """The integrator is not called for it."""
     for times in (0.0, [0.0], [0.0, 0.0]):
         found = quadratic().response(th.Constant(1e-3), times)
         assert found.shape == np.shape(times)

@@ -54,7 +54,7 @@ def membrane(overlap=0.0, corner=11e-6):
 
 
 def test_voids_that_touch_in_a_corner_are_as_if_they_overlapped(needs_mesher):
-    """By 1 nm, of the micrometres that heat flows there: within some 1e-3. Elements that conduct there gave half."""
+    """By 1 nm, of the micrometres that heat flows there: within some 1e-3. Elements that conduct there give half."""
     touching, overlapping = (th.assemble(membrane(d)) for d in (0.0, 1e-9))
     assert touching.thermal_resistance() == pytest.approx(overlapping.thermal_resistance(), rel=3e-3)
     assert touching.mesh_error() < 1e-3

@@ -94,7 +94,7 @@ def test_triangles_at_a_corner_contact_are_not_divided_without_end(needs_mesher)
 
 
 def test_conductors_that_touch_in_a_corner_are_reduced():
-    """Their picometre triangles were refused: "E/-A is 4.5e-23 to 9e-08 s"."""
+    """Their picometre triangles have time constants from 4.5e-23 to 9e-08 s."""
     layers = (
         th.Layer("substrate", "Si", 5e-6),
         th.Layer("box", "SiO2", 1.5e-6, datum=True),

@@ -165,7 +165,7 @@ def test_ends_of_a_finite_guide(guide, length):
 
 
 def test_a_short_open_guide_is_told_of_its_ends(guide, caplog):
-    """It was told to move its open sides outwards, which changes nothing."""
+    """Open sides that move outwards change nothing."""
     short = guide.with_({"length": "30 um", "half_width": "60 um", "name": "short"}).opened()
     th.solve(th.assemble(short), th.Constant(1.0), [1e-6])
     assert "the ends of the guide" in caplog.text

@@ -79,7 +79,7 @@ def test_units_are_taken_or_asked_for(generator, tmp_path):
 
 
 def test_a_separator_that_changes_is_a_damaged_row(tmp_path):
-    """The first 100 rows of 201 counted as text before the table: a thermal resistance of 549 instead of 15029."""
+    """Rows before the change are no text above the table: 549 for a thermal resistance of 15029."""
     for what, text in hostile_tables.mixed(ROWS):
         try:
             assert scales(text, tmp_path / "t.csv")[2] == 40, what  # spaces and tabs are both white space
@@ -88,7 +88,7 @@ def test_a_separator_that_changes_is_a_damaged_row(tmp_path):
 
 
 def test_names_that_leave_the_scale_open_are_asked_about(tmp_path):
-    """Temperatures in mK, or in 1e-3 K, counted as K: a thermal resistance a thousand times too large."""
+    """Temperatures in mK, or in 1e-3 K, are no K: a thermal resistance a thousand times too large."""
     for name, text in hostile_tables.scaled_names(ROWS):
         (tmp_path / "t.csv").write_text(text)
         with pytest.raises(th.InputError, match="column"):
@@ -190,7 +190,7 @@ QUANTITIES = ["wavelength", "lambda", "detuning", "frequency", "voltage", "curre
 @pytest.mark.parametrize("name", QUANTITIES)
 @pytest.mark.parametrize("unit", ["", " (nm)", " (GHz)", " (mA)", " (dBm)", " (dB)", " (mW)", " [%]"])
 def test_what_is_no_time_and_no_temperature_is_asked_about(name, unit, tmp_path):
-    """A sweep of light over 0.1 nm gave 190 K/W and a misfit called noise."""
+    """A sweep of light over 0.1 nm is no trace of 190 K/W."""
     rows = "".join(f"{t},{y}\n" for t, y in zip(CLOCK, STEP, strict=True))
     asked = 0
     for head in (f"{name}{unit},T (K)\n", f"Time (s),{name}{unit}\n", f"{name}{unit},{name}{unit}\n"):
@@ -235,7 +235,7 @@ LATE = np.logspace(-4, 1, 60)
 
 @pytest.mark.parametrize("first", [[], [0.0]])
 def test_a_record_without_rows_before_the_heating_begins_at_zero(first, tmp_path):
-    """As in every table of a thermal impedance: the rise until the first row, 7 % here, went into a baseline."""
+    """As in every table of a thermal impedance: the rise until the first row, 7 % here, is no baseline."""
     t = np.append(first, LATE)
     path = write(tmp_path / "zth.csv", "Time (s),T (K)\n", [t, SLOW.response(th.Constant(1.0), t)])
     fit = surrogate.fit_foster(th.read_trace(path, 1.0), order=3)
@@ -326,7 +326,7 @@ def german(text):
     ],
 )
 def test_thousands_are_never_read_as_decimals(divider, quote, time, rise, tmp_path):
-    """1,234 ns was read as 1.234 ns in a table with semicolons: time constants 1000 times too short, without a word."""
+    """1,234 ns in a table with semicolons is not 1.234 ns: time constants 1000 times too short."""
     times, rises = np.arange(1000.0, 9000.0, 20.0), np.arange(1000.0, 7800.0, 17.0)
     rows = [divider.join(f"{quote}{x}{quote}" for x in (time(t), rise(r))) for t, r in zip(times, rises, strict=True)]
     (tmp_path / "t.csv").write_text(divider.join(["Time (ns)", "T (mK)"]) + "\n" + "\n".join(rows) + "\n")
@@ -340,7 +340,7 @@ def test_thousands_are_never_read_as_decimals(divider, quote, time, rise, tmp_pa
 
 
 def test_a_clipped_trace_is_named_on_every_way_into_a_fit(tmp_path):
-    """A trace that ends at 60 % of its rise gave 4.0 for 7 K/mW without a word."""
+    """A trace that ends at 60 % of its rise gives 4.0 for 7 K/mW."""
     t = np.linspace(0, 20e-6, 2001)
     path = write(tmp_path / "scope.csv", "t (s),T (K)\n", [t, np.minimum(MODEL.response(th.Constant(2e-3), t), 8.0)])
     data = th.read_trace(path, 2e-3, start=0.0, baseline=0.0)

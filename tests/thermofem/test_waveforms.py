@@ -162,7 +162,7 @@ def test_symbols_are_held_masked_and_noisy():
 
 
 def test_jumps_that_are_not_named_cost_no_accuracy():
-    """Wherever they are: a cubic over the last cell fell to -25 % of the power, which was refused as cooling."""
+    """Wherever they are: a cubic over the last cell would fall to -25 % of the power."""
     rng, model = np.random.default_rng(5), th.Foster([2000, 5800], [56e-9, 1.2e-6])
     for _ in range(40):
         stop = 10 ** rng.uniform(-6, -3)
@@ -174,7 +174,7 @@ def test_jumps_that_are_not_named_cost_no_accuracy():
 
 
 def test_bounds_of_cubics_that_begin_level():
-    """With a slope of exactly zero the second turning point was 0/0: a power of -0.5 mW cooled without a word."""
+    """With a slope of exactly zero the second turning point is 0/0."""
     rng = np.random.default_rng(0)
     for _ in range(300):
         a, b, c, d = rng.normal(size=4) * (rng.random(4) < 0.6)
