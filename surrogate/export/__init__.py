@@ -1,7 +1,7 @@
 """Heat for circuit and system simulators, and its matrices; `coupled.export` has rings whole.
 
-A format is a `Format` in `FORMATS`: the ending of its files and a function ``write(model, target)``. The command and the
-checks take it from there. Model files of this project are `thermofem.models.model_files`.
+A format is a `Format` in `FORMATS`: the ending of its files and a function ``write(model, target)``. The command and
+the checks take it from there. Model files of this project are `thermofem.models.model_files`.
 """
 
 from collections.abc import Mapping, Sequence

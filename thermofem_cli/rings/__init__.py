@@ -1,1 +1,1 @@
-"""Commands on a ring: modes, traces, maps, stability, sweeps, identification, linearization, the page, co-simulation."""
+"""Commands on a ring: modes, traces, maps, sweeps, identification, linearization, co-simulation, the page."""
