@@ -15,7 +15,7 @@ from ..arguments import check_ring, check_run, check_times, detuning_in_time, po
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
 from ..heater_loop import heater_loop, passes_of, relaxed
-from ..heaters import channels, heater_powers, heating, with_ambient
+from ..heaters import Poles, channels, heater_powers, heating, with_ambient
 from ..inputs import Input
 from ..kernel.tableaus import Method
 from ..resistive_heaters import check_constant, resistive_heaters
@@ -181,10 +181,12 @@ def simulate(
     poles = picked.poles
     doubts = check_model(ring, model, small, read)
     described = attributes(small)
-    heat = heating(poles, drives, duration, rtol, np.zeros(small.order * len(poles)))
+    heat = heating(poles, drives, duration, rtol, before=None)
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, described)
+    if heat.powers:
+        begin = _warmed(begin, poles, heat.begin, -1.0)
     dense, asked = dense_times(model, wanted, duration)
     run = advance(
         ring, small, begin, 0.0, duration, power=light["input_power"], detuning=light["detuning"],
@@ -194,8 +196,7 @@ def simulate(
     trusted(model, run.delta_T)
     end = run.final
     if heat.powers:
-        added = sum(each.gain[0] * x for each, x in zip(poles.values(), heat.states(run.reached), strict=True))
-        end = replace(end, thermal=np.asarray(end.thermal) + added)
+        end = _warmed(end, poles, heat.states(run.reached), 1.0)
     gains = {name: each.thermal_resistance for name, each in picked.transfers.items()}
     static = sum(gains.get(name, 1.0) * float(wave(run.reached)) for name, wave in heat.powers.items())
     attrs = {
@@ -230,6 +231,16 @@ def simulate(
 def _checked_laser(laser: Laser, duration: float) -> Laser:
     power = power_in_time(laser.power, duration)
     return replace(laser, power=power, detuning=detuning_in_time(laser.detuning, duration))
+
+
+def _warmed(state: State, poles: Mapping[str, Poles], of_heaters: list[Array], sign: float) -> State:
+    """Add the rises by heaters (or subtract them) pole by pole, which decay as those by the light do.
+
+    A heater of constant power is then a constant rise from t = 0 on: the poles of the light hold the approach to it.
+    of_heaters [J]: states of every heater, as of `Heating`.
+    """
+    rises = [each.gain[0] * x for each, x in zip(poles.values(), of_heaters, strict=True)]
+    return replace(state, thermal=np.asarray(state.thermal) + sign * sum(rises))
 
 
 def _further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:

@@ -84,6 +84,27 @@ def test_a_run_goes_on_with_its_heater():
     assert second.attrs["final_state"] == pytest.approx(whole.attrs["final_state"], rel=1e-6, abs=0)
 
 
+def test_windows_of_a_stepped_heater_are_one_run_under_its_waveform():
+    """A constant heater relaxes in the poles of the kernel, a waveform in cubics to rtol/100: two routes, each to 1e-9.
+
+    In the windows the rise of 5 K and the state of 3 K are restarted eight times.
+    """
+    watts = [5e-3, 0.0, 8e-3, 2e-3, 5e-3, 5e-3, 1e-3, 4e-3]
+    window = 50e-9
+    light = {"power": 1e-3, "detuning": -10e9, "rtol": 1e-9}
+    edges = window * np.arange(1, len(watts))
+    wave = th.Function(lambda t: watts[min(int(t / window + 1e-9), 7)], breakpoints=tuple(edges))
+    whole = coupled.simulate(
+        RING, chain(), heaters={"heater": wave}, duration=8 * window, times=window * np.arange(1, 9), **light
+    )
+    state = None
+    for k, power in enumerate(watts):
+        run = coupled.simulate(RING, chain(), heaters={"heater": power}, duration=window, initial=state, **light)
+        state = coupled.State.end_of(run)
+        for name in ("drop", "delta_T"):
+            assert float(run[name][-1]) == pytest.approx(float(whole[name][k]), rel=1e-6, abs=0), (name, k)
+
+
 def test_constant_heaters_shift_every_equilibrium():
     """A ring at rest under a heater: simulate ends on the fixed point of steady_states, and the map says the same."""
     model, power = chain(), 0.5e-3
