@@ -85,6 +85,7 @@ audit: .venv/installed-dev
 	$(BIN)/python tests/audit/verdicts.py 4000
 	$(BIN)/python tests/audit/families.py
 	$(BIN)/python tests/audit/pulls.py
+	$(BIN)/python tests/audit/layouts.py 200
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

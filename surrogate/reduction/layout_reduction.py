@@ -140,7 +140,10 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
             break
     # 2: where more poles gain less than that, a wide shape has no better fit, and few poles keep a model small
     enough = max(1.0, 2 * min(excess))
-    return next(poles for poles, one in zip(tried, excess, strict=True) if one <= enough)
+    for poles, one in zip(tried, excess, strict=True):
+        if one <= enough and poles.error.max() <= tolerance:
+            return poles
+    return tried[int(np.argmin(excess))]
 
 
 def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:

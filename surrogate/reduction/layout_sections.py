@@ -23,7 +23,7 @@ from .shape_points import LANE, PER_GAP, Spread, centre_points, distances, point
 from .stack_green import DISTANCES, HELD, Stack
 
 FREQUENCIES_PER_DECADE = 6  # frequencies
-ENDLESS = 1e2  # 1/s, slowest rate that is resolved on a substrate without a bottom, whose spectrum begins at 0
+ENDLESS = 0.3  # 1/s, slowest rate of an endless substrate: a tenth of it moves G by sqrt(w/alpha)/(2 pi k), 0.02 K/W
 SECTION = 0.2  # of the tolerance, for the mesh of a section
 BEND = 1.0  # error of a gain over w h/R^2
 NEGLECTED = 0.08e12  # 1/m^2, error of the gain between shapes apart over the sum of their w h

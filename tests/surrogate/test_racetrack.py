@@ -73,6 +73,8 @@ def test_coupling_along_the_straight_of_a_racetrack():
     # 1 %: the modes of bends of 7 and 7.955 um, whose tails fall alike
     assert rate == pytest.approx(known.ring.bus_rate, rel=0.01)
     assert float(made.bus_rate[0]) < 0
+    with pytest.raises(th.InputError, match="has no derivative: the bus of a racetrack runs along it"):
+        coupled.ring_from(own, loss=161.0).derivatives(["bus.bus.straight"])
     other = replace(PAPER, buses=(th.geometry.Bus("bus", 250e-9, straight=2e-6),))
     with pytest.raises(th.InputError, match=r"\[plan\] has 3e-06 m"):
         coupled.ring_from(other, loss=161.0)

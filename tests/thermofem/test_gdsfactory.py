@@ -8,6 +8,7 @@ from functools import partial
 
 import pytest
 
+import surrogate
 import thermofem as th
 
 gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed here; `make gdsfactory` runs these tests")
@@ -116,6 +117,60 @@ def test_another_width_is_a_registered_cross_section():
     gf.get_active_pdk().register_cross_sections(narrow=narrow)
     (core,) = th.from_gdsfactory(gf.components.ring_single(cross_section="narrow")).parts
     assert core.outer_radius - core.inner_radius == pytest.approx(0.45e-6)
+
+
+@gf.cell
+def bank(name="", label=""):
+    """Two racetracks with heaters, 80 um apart, as gdsfactory's own instances."""
+    component = gf.Component()
+    for number in range(2):
+        options = {"name": f"{name} {number + 1}"} if name else {}
+        ring = component.add_ref(gf.components.ring_double_heater(radius=10, bend="bend_circular"), **options)
+        ring.move((80 * number, 0))
+    if label:
+        component.add_label(label, position=(0, 20.7), layer=(1, 0))
+    return component
+
+
+def test_a_component_with_several_rings_is_a_layout(caplog):
+    """gdsfactory draws bends of 10 um with 2 and 0.01 um between them, guides of 0.5 um and heaters of 2.5 um."""
+    layout = th.read_layout(bank(name="filter"))
+    assert [shape.name for shape in layout] == ["filter 1", "filter 2", "filter 1 heater", "filter 2 heater"]
+    ring, other, heater, _ = layout
+    settings = gf.components.ring_double_heater().settings
+    length = 2 * math.pi * 10 + 2 * settings["length_x"] + 2 * settings["length_y"]
+    # 2e-3: polygons on a grid of 1 nm
+    assert ring.length == pytest.approx(length * 1e-6, rel=2e-3)
+    assert ring.width == pytest.approx(0.5e-6, abs=2e-9)
+    assert other.centre[0] - ring.centre[0] == pytest.approx(80e-6, abs=1e-9)
+    # 4 %: the ends with their contacts are wider
+    assert heater.width == pytest.approx(2.5e-6, rel=0.04)
+    section = ring.section
+    assert [layer.name for layer in section.layers] == ["substrate", "box", "clad"]
+    assert [(part.name, part.bottom) for part in section.parts] == [("core", 0.0), ("heater", pytest.approx(1.1e-6))]
+    assert "also draws via1" in caplog.text
+
+
+def test_shapes_of_a_component_are_named_by_labels_else_by_cells():
+    names = [shape.name for shape in th.read_layout(bank(label="left"))]
+    cell = "ring_double_heater"
+    assert names == ["left", cell, "left heater", f"{cell} heater"]
+
+
+def test_layers_of_a_component_may_be_given(needs_mesher):
+    """With a section of one's own; and the layout is reduced: the rise of the other ring on an endless substrate."""
+    component = bank(name="filter")
+    section = th.straight_guide(width=500e-9).opened()
+    layout = th.read_layout(component, layers={"core": (1, 0)}, section=section)
+    gain = surrogate.reduce_layout(layout).model.gain
+    # a point on silicon, 1/(2 pi k d); 3 %: rings of 10 um (1 %), and oxide that spreads heat
+    assert gain[0, 1] == pytest.approx(1 / (2 * math.pi * 130 * 80e-6), rel=0.03)
+    with pytest.raises(th.InputError, match="no polygon on layer"):
+        th.read_layout(component, layers={"core": (77, 0)}, section=section)
+    with pytest.raises(th.InputError, match="path"):
+        th.read_layout(3)
+    with pytest.raises(th.InputError, match="read_layout"):
+        th.from_gdsfactory(component)
 
 
 def test_an_unknown_material_is_named():

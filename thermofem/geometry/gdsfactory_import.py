@@ -1,20 +1,28 @@
-"""Cross-sections from gdsfactory: a ring component and the layer stack of its PDK.
+"""Cross-sections and drawings from gdsfactory: a component and the layer stack of its PDK.
 
-gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical. A racetrack of length L becomes a
-circle of radius L/(2 pi).
+gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical. As the cross-section of one ring, a
+racetrack of length L becomes a circle of radius L/(2 pi). A component with several rings and heaters is a `Drawing`.
 """
 
+import logging
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
+
+import shapely
 
 from .. import checks
 from .cross_section import CrossSection
 from .section_parts import Boundary, Layer, Part, ring
 
+log = logging.getLogger("thermofem")
+
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
+CORE = "core"
 BACKGROUND = ("substrate", "box", "clad")
+SECTION_LENGTH = 100e-6  # m, of the section of a layout; it cancels
+SECTION_WIDTH = 1e-6  # m, of a part that a layout draws, each shape with its own width
 MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
 
 
@@ -22,7 +30,7 @@ def from_gdsfactory(
     component: Any,
     layer_stack: Any = None,
     *,
-    core: str = "core",
+    core: str = CORE,
     background: tuple[str, ...] = BACKGROUND,
     materials: Mapping[str, str] | None = None,
     outer_radius: float = 60e-6,
@@ -90,7 +98,7 @@ def from_gdsfactory(
                 f"level {name!r} has two sections of different width; a part is made of one, so build this "
                 "CrossSection from th.Part, one for each"
             )
-    ordered = sorted(parts.values(), key=lambda part: part.name == "core")  # the core overwrites the slab under it
+    ordered = sorted(parts.values(), key=lambda part: part.name == CORE)  # the core overwrites the slab under it
     label = str(getattr(component, "function_name", None) or component.name)
     return CrossSection(label, outer_radius, layers, tuple(ordered), bottom=Boundary("open"), outer=Boundary("open"))
 
@@ -125,7 +133,8 @@ def _loop(component: Any, guide: Any) -> float:
             lengths.append(length)
     if len(lengths) != 1:
         raise checks.InputError(
-            f"component has {len(lengths)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double"
+            f"component has {len(lengths)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double",
+            "th.read_layout(component) takes several",
         )
     inner = lengths[0] * component.kcl.dbu
     return float(inner + math.pi * guide.width)
@@ -192,12 +201,133 @@ def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
 
 def _part(name: str, core: str, level: Any, radius: float, width: float, material_of: Mapping[str, str]) -> Part:
     """A ring part from a level and the width of its section, which gdsfactory gives at the height ``width_to_z``."""
-    lean = math.radians(level.sidewall_angle or 0.0)
-    at_half = width + 2 * math.tan(lean) * (level.width_to_z - 0.5) * level.thickness
-    inner, outer = ring(radius, at_half * UM, of=f"{name}: ")
-    own_name = "core" if name == core else name
-    material = _material(level, name, material_of)
-    bottom = level.zmin * UM
-    height = level.thickness * UM
-    heated = name == core or "heater" in name.lower()
-    return Part(own_name, material, inner, outer, bottom, height, sidewall_angle=math.pi / 2 - lean, heated=heated)
+    inner, outer = ring(radius, width * UM + 2 * _lean(level), of=f"{name}: ")
+    return Part(
+        name=CORE if name == core else name,
+        inner_radius=inner,
+        outer_radius=outer,
+        **_standing(name, core, level, material_of),
+    )
+
+
+def _standing(name: str, core: str, level: Any, material_of: Mapping[str, str]) -> dict[str, Any]:
+    """Fields of a part but its place and width."""
+    return {
+        "material": _material(level, name, material_of),
+        "bottom": level.zmin * UM,
+        "height": level.thickness * UM,
+        "sidewall_angle": math.radians(90 - (level.sidewall_angle or 0.0)),
+        "heated": name == core or "heater" in name.lower(),
+    }
+
+
+def _lean(level: Any) -> float:
+    """What is added to each side of a drawn width, in m, to get that at half of the height."""
+    slope = math.tan(math.radians(level.sidewall_angle or 0.0))
+    return float(slope * (level.width_to_z - 0.5) * level.thickness * UM)
+
+
+class Drawing(NamedTuple):
+    """What a file or component draws of a layout.
+
+    source: for messages.
+    section: a straight one.
+    polygons: in um, of each part.
+    labels, instances: texts with their places, and names of cells with their extents, in um.
+    """
+
+    source: str
+    section: CrossSection
+    polygons: dict[str, list[shapely.Polygon]]
+    labels: list[tuple[str, shapely.Point]]
+    instances: list[tuple[str, shapely.Polygon]]
+
+
+def drawn_component(
+    component: Any, layers: Mapping[str, Any] | None = None, section: CrossSection | None = None
+) -> Drawing:
+    """What a gdsfactory component draws on the layers of parts; by default on those of the active PDK's stack.
+
+    Raises InputError: no component, a level that is missing, nothing drawn on a layer.
+    """
+    gf = _library()
+    checks.instance("path", component, gf.Component, hint="a GDS file, a layout file, or a gdsfactory component")
+    source = f"component {component.name}"
+    widened: dict[str, float] = {}
+    if layers is None or section is None:
+        levels = gf.get_active_pdk().layer_stack.layers
+        heaters = [name for name in levels if "heater" in name.lower() and _areas(component, _layer(levels, name))]
+        drawn = {name: _level(levels, name) for name in (CORE, *heaters)}
+        layers = {name: _layer(levels, name) for name in drawn}
+        widened = {name: _lean(level) / UM for name, level in drawn.items()}
+        section = _straight_section(source, levels, drawn)
+        _say_left_out(component, levels, layers)
+    polygons = {}
+    for part, layer in layers.items():
+        areas = _areas(component, layer)
+        if not areas:
+            raise checks.InputError(f"{source} has no polygon on layer {layer}, that of {part!r}")
+        polygons[part] = [area.buffer(widened.get(part, 0.0), join_style="mitre") for area in areas]
+    labels = []
+    for layer in component.layers:
+        labels += [(label.string, shapely.Point(label.x, label.y)) for label in component.get_labels(layer)]
+    instances = []
+    for instance in component.insts:
+        extent = instance.dbbox()
+        name = instance.name if instance.is_named() else instance.cell.function_name or instance.cell.name
+        instances.append((name, shapely.box(extent.left, extent.bottom, extent.right, extent.top)))
+    return Drawing(source, section, polygons, labels, instances)
+
+
+def _straight_section(name: str, levels: Mapping[str, Any], drawn: Mapping[str, Any]) -> CrossSection:
+    """Layers of the background, with a part for each of the ``drawn`` levels; a shape brings its own width."""
+    stacked = [_level(levels, level) for level in BACKGROUND]
+    parts = []
+    for part, level in drawn.items():
+        standing = _standing(part, CORE, level, MATERIALS)
+        parts.append(Part(part, x=0.0, width=SECTION_WIDTH, **standing))
+    return CrossSection(
+        name,
+        layers=_layers(stacked, BACKGROUND, MATERIALS),
+        parts=tuple(parts),
+        bottom=Boundary("open"),
+        outer=Boundary("open"),
+        kind="straight",
+        length=SECTION_LENGTH,
+        half_width=SECTION_LENGTH / 2,
+    )
+
+
+def _layer(levels: Mapping[str, Any], name: str) -> Any:
+    """The drawn layer of a level, as the component knows it."""
+    layer = _level(levels, name).layer
+    while hasattr(layer, "layer1"):
+        layer = layer.layer1
+    return layer.layer
+
+
+def _areas(component: Any, layer: Any) -> list[shapely.Polygon]:
+    """Merged polygons of a layer, in um."""
+    unit = component.kcl.dbu
+    areas = []
+    for polygon in component.get_region(layer, merge=True).each():
+        rings = [polygon.each_point_hull(), *(polygon.each_point_hole(k) for k in range(polygon.holes()))]
+        hull, *holes = [[(point.x * unit, point.y * unit) for point in ring] for ring in rings]
+        areas.append(shapely.Polygon(hull, holes))
+    return areas
+
+
+def _say_left_out(component: Any, levels: Mapping[str, Any], taken: Mapping[str, Any]) -> None:
+    """Warn of levels, such as slabs and metal, that are drawn on layers that are not ``taken``."""
+    drawn = []
+    for name in levels:
+        layer = _layer(levels, name)
+        if name not in BACKGROUND and layer not in taken.values() and _areas(component, layer):
+            drawn.append(name)
+    if drawn:
+        log.warning(
+            "component %s also draws %s, which are left out: a layout has cores and heaters; give a section whose "
+            "parts they are, with layers",
+            component.name,
+            ", ".join(drawn),
+        )

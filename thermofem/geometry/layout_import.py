@@ -1,4 +1,4 @@
-"""Layouts from files: the polygons of a GDS file, or the [[shape]] tables of a geometry file.
+"""Layouts: the polygons of a GDS file or of a gdsfactory component, or the [[shape]] tables of a geometry file.
 
 A layout file is a geometry file with ``kind = "straight"``, whose layers and parts are the section. It has a table for
 each shape, with name, part, and either radius, straight and at (a racetrack), or path, or outline; or a table [gds].
@@ -8,6 +8,7 @@ A file of a ring with [plan] straight is the layout of that one racetrack, with 
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,30 +21,36 @@ from ..arrays import Array
 from ..data import files, quantity
 from ..data.files import ANY, TEXT, read_table
 from .cross_section import CrossSection
+from .gdsfactory_import import Drawing, drawn_component
 from .shapes import UM, Shape, along_ring, racetrack
 
 log = logging.getLogger("thermofem")
 
+GRID = 1e-3  # um, of drawings: an area may reach that far beyond the cell that holds it
 _SHAPE = {"name": TEXT, "part": TEXT, "radius": "m", "straight": "m", "at": ANY, "path": ANY, "outline": ANY}
 _GDS = {"file": TEXT, "layers": ANY}
 
 
 def read_layout(
-    path: str | Path, layers: Mapping[str, tuple[int, int]] | None = None, section: CrossSection | None = None
+    path: Any, layers: Mapping[str, tuple[int, int]] | None = None, section: CrossSection | None = None
 ) -> tuple[Shape, ...]:
-    """Read the shapes of a chip from a GDS file, or from a geometry file with [[shape]] tables.
+    """Read the shapes of a chip from a GDS file, a gdsfactory component, or a geometry file with [[shape]] tables.
 
-    Polygons of one layer that touch are one shape. A label inside it is its name; others are numbered from left to
-    right, and the log lists them. An open waveguide beside a ring, closer than it is thick, is a bus: it is left out.
+    Polygons of one layer that touch are one shape. A label inside it is its name, else the cell that holds it, followed
+    by the part for all but the first part of ``layers``. Shapes without a name, or with the same one, are numbered from
+    left to right; the log lists all. An open waveguide beside a ring, closer than it is thick, is a bus, which is left
+    out.
 
     Parameters
     ----------
-    path : str or Path
-        a GDS file, which gdstk reads, or a layout file (TOML), which needs nothing else.
+    path : str, Path, or gdsfactory.Component
+        a GDS file, which gdstk reads; a layout file (TOML), which needs nothing else; or a component, with a name of
+        each instance in place of a cell.
     layers : mapping of str to (int, int)
-        part of the section to the layer and datatype of a GDS file.
+        part of the section to the layer and datatype of a GDS file. Of a component the default is that of the PDK: the
+        level "core", and the levels of heaters.
     section : CrossSection
-        a straight one, for a GDS file.
+        a straight one, for a GDS file; of a component without ``layers`` that of the active PDK's layer stack.
 
     Returns
     -------
@@ -56,29 +63,34 @@ def read_layout(
     InputError
         a file that cannot be read, an empty layer, a part that the section does not have; as `Shape`.
     """
-    source = files.regular(path, "layout")
-    if source.suffix.lower() == ".toml":
-        folder = source.parent
-        shapes: tuple[Shape, ...] = files.read_toml(source, "layout", lambda text: _of_text(text, folder))
-        return shapes
+    if isinstance(path, str | Path):
+        source = files.regular(path, "layout")
+        if source.suffix.lower() == ".toml":
+            folder = source.parent
+            shapes: tuple[Shape, ...] = files.read_toml(source, "layout", lambda text: _of_text(text, folder))
+            return shapes
+        drawing = _drawn(source, *_with_heights(layers, section))
+    elif layers is None and section is None:
+        drawing = drawn_component(path)
+    else:
+        drawing = drawn_component(path, *_with_heights(layers, section))
+    drawn = tuple(_shapes(drawing))
+    log.info("%s: %s", drawing.source, ", ".join(shape.name for shape in drawn))
+    return drawn
+
+
+def _with_heights(layers: Any, section: Any) -> tuple[Mapping[str, tuple[int, int]], CrossSection]:
+    """Layers and section of a drawing that says nothing of heights."""
     hint = 'such as layers={"core": (1, 0), "heater": (11, 0)}'
     numbers = checks.mapping("layers", layers, hint=hint)
     if not numbers:
         raise checks.InputError("layers is missing: which layer of the GDS file is which part of the section", hint)
     checks.instance("section", section, CrossSection, hint="a GDS file says nothing of heights: th.straight_guide(...)")
-    assert section is not None
-    polygons, labels = _drawn(source, numbers)
-    drawn: list[Shape] = []
-    for part, areas in polygons.items():
-        drawn += _named(part, areas, labels, section)
-    log.info("%s: %s", source, ", ".join(shape.name for shape in drawn))
-    return tuple(drawn)
+    return numbers, section
 
 
-def _drawn(
-    path: Path, layers: Mapping[str, tuple[int, int]]
-) -> tuple[dict[str, list[shapely.Polygon]], list[tuple[str, shapely.Point]]]:
-    """Merged polygons in um of each part, and the labels with their places."""
+def _drawn(path: Path, layers: Mapping[str, tuple[int, int]], section: CrossSection) -> Drawing:
+    """What a GDS file draws on the layers of the parts."""
     try:
         import gdstk
     except ImportError:
@@ -93,44 +105,70 @@ def _drawn(
         raise checks.InputError(f"{path} is no GDS file that gdstk can read, or has no cell")
     unit = library.unit * UM
     cells = library.top_level()
-    polygons = {}
+    polygons: dict[str, list[shapely.Polygon]] = {}
     for part, (layer, datatype) in layers.items():
-        areas = []
+        polygons[part] = []
         for cell in cells:
             for drawn in cell.get_polygons(layer=layer, datatype=datatype):
                 area = shapely.Polygon(drawn.points * unit)
-                areas.append(area.buffer(0))
-        if not areas:
+                polygons[part].append(area.buffer(0))
+        if not polygons[part]:
             raise checks.InputError(f"{path} has no polygon on layer {layer}/{datatype}, that of {part!r}")
-        merged = shapely.union_all(areas, grid_size=1e-4)
-        polygons[part] = [area for area in getattr(merged, "geoms", [merged]) if area.area]
     labels = []
+    instances = []
     for cell in cells:
         for label in cell.get_labels():
             place = shapely.Point(np.array(label.origin) * unit)
             labels.append((label.text, place))
-    return polygons, labels
+        for reference in cell.references:
+            corners = reference.bounding_box()
+            if corners is not None:
+                extent = shapely.box(*np.ravel(corners) * unit)
+                instances.append((reference.cell_name, extent))
+    return Drawing(str(path), section, polygons, labels, instances)
 
 
-def _named(
-    part: str, areas: list[shapely.Polygon], labels: list[tuple[str, shapely.Point]], section: CrossSection
-) -> Iterable[Shape]:
-    """Shapes of the polygons of one part, from left to right, without buses."""
-    checks.choice("layers: part", part, section.heated)
-    height = next(own.height for own in section.parts if own.name == part)
-    thick = height * UM
+def _shapes(drawing: Drawing) -> Iterable[Shape]:
+    """Shapes of the merged polygons of each part, from left to right, without buses."""
+    first = next(iter(drawing.polygons))
+    for part, polygons in drawing.polygons.items():
+        checks.choice("layers: part", part, drawing.section.heated)
+        merged = shapely.union_all(polygons, grid_size=1e-4)
+        areas = [area for area in getattr(merged, "geoms", [merged]) if area.area]
+        thick = next(one.height for one in drawing.section.parts if one.name == part) * UM
+        areas = _without_buses(areas, part, thick)
+        names = [_name(area, drawing) for area in areas]
+        names = [part if not name else name if part == first else f"{name} {part}" for name in names]
+        repeated = Counter(names)
+        number: Counter[str] = Counter()
+        for area, name in zip(areas, names, strict=True):
+            if name == part or repeated[name] > 1:
+                number[name] += 1
+                name = f"{name} {number[name]}"
+            yield Shape(name, drawing.section, outline=_outline(area), part=part)
+
+
+def _without_buses(areas: list[shapely.Polygon], part: str, thick: float) -> list[shapely.Polygon]:
+    """Areas in um from left to right, without open ones closer to a ring than ``thick``, in um."""
     rings = shapely.union_all([area for area in areas if area.interiors])
-    number = 0
+    shapes = []
     for area in sorted(areas, key=lambda area: area.bounds[:2]):
         beside_ring = rings.area and area.distance(rings) < thick
         if beside_ring and not area.interiors:
             log.info("a bus of %r at x = %.4g um is left out", part, area.bounds[0])
-            continue
-        number += 1
-        whole = shapely.Polygon(area.exterior)
-        names = (text for text, place in labels if text.isprintable() and whole.intersects(place))
-        name = next(names, f"{part} {number}")
-        yield Shape(name, section, outline=_outline(area), part=part)
+        else:
+            shapes.append(area)
+    return shapes
+
+
+def _name(area: shapely.Polygon, drawing: Drawing) -> str:
+    """Label inside an area, else the only cell that holds it; empty where there is none."""
+    whole = shapely.Polygon(area.exterior)
+    for text, place in drawing.labels:
+        if text.isprintable() and whole.intersects(place):
+            return text
+    holders = [name for name, extent in drawing.instances if extent.buffer(GRID).covers(whole)]
+    return holders[0] if len(holders) == 1 else ""
 
 
 def _outline(area: shapely.Polygon) -> Array:

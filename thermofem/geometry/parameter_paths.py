@@ -220,6 +220,10 @@ def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
         value = value.get("value")
     if unit is None or not isinstance(value, str | float):
         raise checks.InputError(f"path {path!r} has no derivative: {key} is no number")
+    if kind == "bus" and key == "straight" and geometry.straight:
+        raise checks.InputError(
+            f"path {path!r} has no derivative: the bus of a racetrack runs along it, and [plan] straight is its length"
+        )
     parts = geometry.parts if kind == "part" else ()
     for part in parts:
         disc = key == "inner_radius" and not (part.inner_radius or part.straight)
