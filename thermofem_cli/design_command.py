@@ -5,7 +5,7 @@ changes of optical numbers.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,13 +17,13 @@ import surrogate
 import thermofem as th
 from coupled import RingResonator
 from coupled.ring_family import MovingRing, ring_at
-from coupled.thermal import as_read, check_geometry, geometry_of
+from coupled.thermal import as_read, check_geometry, geometry_of, mode_of
 from coupled.unknowns import number_of, varied
 from surrogate.family import Family
 from surrogate.family.family import ChannelNames
 from thermofem import InputError, checks
 from thermofem.data import quantity
-from thermofem.ring_temperature import check_read
+from thermofem.ring_temperature import check_read, detuning_output
 
 from . import options
 from .command_files import check_outputs, expect, note_ring, ring_of
@@ -57,13 +57,15 @@ def design(
     channel = channel_of(found, heated, read)
     target: dict[Any, float] = {}
     moving: Any = None
+    if period:
+        resonator, channel = ring_for(found, channel, ring, read)
+        settled = settled_of(resonator, power, detuning)
+        moving = optics_of(found, resonator)
+        target[settled] = quantity.positive(period, "s", name="--period")
     if resistance:
         target["thermal_resistance"] = quantity.positive(resistance, "K/W", name="--resistance")
     if rise_time:
         target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
-    if period:
-        settled, moving = settled_of(found, channel, ring, power, detuning)
-        target[settled] = quantity.positive(period, "s", name="--period")
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     fixed = fixed_of(found, fix)
@@ -152,12 +154,11 @@ def uncertainty(
     fixed = fixed_of(found, fix)
     what: Any = "thermal_resistance"
     moving = None
-    if map_:
-        resonator = ring_for(found, channel, ring)
-        what = Pulsing(resonator, *grid(resonator, power, detuning, points))
+    if map_ or period:
+        resonator, channel = ring_for(found, channel, ring, read)
+        plane = grid(resonator, power, detuning, points) if map_ else ()
+        what = Pulsing(resonator, *plane) if map_ else settled_of(resonator, power, detuning)
         moving = optics_of(found, resonator)
-    elif period:
-        what, moving = settled_of(found, channel, ring, power, detuning)
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
     if held:
         units = units_of(found)
@@ -248,24 +249,25 @@ def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelN
     return family.named_channel(heated, read)
 
 
-def ring_for(family: Family, channel: ChannelNames, given: str) -> RingResonator:
-    """Return the ring of --ring; by default that of the family's geometry, if this has [light] and [[bus]]."""
+def ring_for(family: Family, channel: ChannelNames, given: str, read: str | None) -> tuple[RingResonator, ChannelNames]:
+    """Return the ring of --ring, and the channel that drives it: the output that it reads where --read names none.
+
+    Default is the ring of the family's geometry, if this has [light] and [[bus]].
+    """
     own = family.optics
     if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
         note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
-        return _as_read(found, family, channel)
-    found = ring_of(given)
-    note_ring(found, given)
-    check_geometry(found, family)
-    return _as_read(found, family, channel)
-
-
-def _as_read(ring: RingResonator, family: Family, channel: ChannelNames) -> RingResonator:
-    """The ring as it reads the models of a family, after one comparison of both temperatures for all members."""
+    else:
+        found = ring_of(given)
+        note_ring(found, given)
+        check_geometry(found, family)
+    output = read or detuning_output(found.read, channel.heated, family.outputs)
+    channel = replace(channel, read=output)
+    mode = mode_of(family)
+    check_read(found, geometry_of(family), channel.heated, output, mode=mode, chosen=read is not None)
     middle = family.of_channel(channel, dict(zip(family.names, family.box.middle.tolist(), strict=True)))
-    check_read(ring, geometry_of(family), channel.heated, channel.read)
-    return as_read(ring, middle)
+    return as_read(found, middle), channel
 
 
 def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
@@ -306,13 +308,10 @@ class Settled:
         return float(found.attrs["period"])
 
 
-def settled_of(
-    family: Family, channel: ChannelNames, ring: str, power: str, detuning: str
-) -> tuple[Settled, MovingRing | None]:
-    """Return the settled period as a function of the member, and how the ring's optics depend on the geometry."""
-    resonator = ring_for(family, channel, ring)
+def settled_of(ring: RingResonator, power: str, detuning: str) -> Settled:
+    """Return the settled period as a function of the member."""
     watts = quantity.parse(power, "W", name="--power")
-    return Settled(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
+    return Settled(ring, watts, detuning_of(detuning, ring))
 
 
 @dataclass(frozen=True, eq=False)
