@@ -307,18 +307,27 @@ class Solver:
     key: text that stands for all that the members share; results in the store under another key are left alone.
     executor: None solves in this process.
     store: keeps what is solved, open while the solver is called; None keeps nothing.
+    progress: called as progress(done, total, words) after each task.
     """
 
     key: str
     executor: Executor | None = None
     store: Store | None = None
+    progress: Callable[[float, float, str], None] | None = None
 
     def __call__(
-        self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[Task],
+        marks: Iterable[Array],
+        shared: str = "",
+        *,
+        words: str = "members",
     ) -> list[Any]:
         """Run ``function`` on every task; results in order, None for a task that failed, which a line in the log names.
 
-        ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
+        ``marks`` tell the tasks apart, ``shared`` says what they have in common beside `key`, and ``words`` what is
+        solved, for the progress.
 
         Raises InputError: one that a task raised, or all tasks failed.
         """
@@ -329,7 +338,9 @@ class Solver:
         reason = ""
         jobs = [(k, tasks[k]) for k, member in enumerate(solved) if member is None]
         with contextlib.closing(self._results(partial(_of_job, function), jobs)) as results:
-            for k, result in results:
+            for done, (k, result) in enumerate(results):
+                if self.progress is not None:
+                    self.progress(done, len(jobs), words)
                 try:
                     solved[k] = result()
                 except checks.InputError:

@@ -281,7 +281,7 @@ def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solv
     rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
     every = np.vstack([rows, box.draw(LEFT_OUT, seed, unseen=True)])
     tasks = [(engine, row) for row in every]
-    results = solver(light_of, tasks, every)
+    results = solver(light_of, tasks, every, words="light of members")
     solved = [k for k, result in enumerate(results) if isinstance(result, MemberLight)]
     members = [results[k] for k in solved]
     hybrid = sum(member.hybrid for member in members)

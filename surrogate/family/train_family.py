@@ -8,7 +8,7 @@ import contextlib
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -136,6 +136,7 @@ def train_family(
     executor: Executor | None = None,
     folder: str | Path | None = None,
     power: float | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
 ) -> Family:
     """Train one reduced basis for all members of a campaign's ranges.
 
@@ -156,6 +157,8 @@ def train_family(
     power : float, W
         with k(T) or c_p(T) the largest power of interest: members then have an output map (`surrogate.output_map`),
         interpolated between members that are solved with these laws; ``family.output_maps.error`` is its error.
+    progress : function
+        called as ``progress(done, total, words)`` for every member; ``words`` say what is solved, such as the light.
 
     Returns
     -------
@@ -182,7 +185,7 @@ def train_family(
     heated = len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
     store = None if folder is None else Store(checks.path("folder", folder), ".npz")
-    solver = Solver(key, executor, store)
+    solver = Solver(key, executor, store, progress)
     with store.opened() if store else contextlib.nullcontext():
         rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
         log.info("%d held-out members solved", len(fine_members))
@@ -266,7 +269,7 @@ def _held_out(
     """
     rows = box.draw(count, seed, unseen=True)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
-    modes = solver(fine_member, tasks, rows)
+    modes = solver(fine_member, tasks, rows, words="held-out members")
     solved = [k for k, of_member in enumerate(modes) if of_member is not None]
     return rows[solved], [modes[k] for k in solved]
 
