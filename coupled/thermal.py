@@ -12,6 +12,7 @@ from scipy.constants import c
 from thermofem import CrossSection, Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
+from thermofem.fem.heat_problem import beyond_laws
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
@@ -156,12 +157,12 @@ def long_enough(model: ThermalModel) -> float:
 
 
 def check_model(ring: RingResonator, model: Any, small: ThermalModel, read: str | None = None) -> dict[str, Any]:
-    """`check_geometry`, and the temperature that a ring reads (`ring_temperature.check_read`).
+    """`check_geometry`, the temperature that a ring reads (`ring_temperature.check_read`), and tables left by k(T).
 
     model: as `check_geometry` takes it.
     small: its channel that drives the ring.
     read: the output that the caller has chosen, if any.
-    Returns the attributes of both for a result, their warnings joined.
+    Returns the attributes of all for a result, their warnings joined.
     """
     return check_ports(ring, model, small.inputs[0], small.outputs[0], chosen=read is not None)
 
@@ -172,8 +173,24 @@ def check_ports(
     """`check_model` for the input ``heated`` and the output ``read``, which the caller may have ``chosen``."""
     found: dict[str, Any] = check_geometry(ring, model)
     also = check_read(ring, geometry_of(model), heated, read, mode=mode_of(model), chosen=chosen)
-    warnings = [one["warning"] for one in (found, also) if "warning" in one]
+    warnings = [one["warning"] for one in (found, also, _beyond(model)) if "warning" in one]
     return found | also | ({"warning": "; ".join(warnings)} if warnings else {})
+
+
+def _beyond(model: Any) -> dict[str, str]:
+    """Warning, also logged, of tables k(T) and c_p(T) that a model leaves, as {"warning": text}; {} of none."""
+    origins = (getattr(one, "origin", None) or {} for one in (model, bare(model)))
+    text = geometry_of(model)
+    stated = [str(origin["warning"]) for origin in origins if "warning" in origin]
+    beyond = _beyond_laws(text) if text else next(iter(stated), "")
+    if beyond:
+        log.warning("%s", beyond)
+    return {"warning": beyond} if beyond else {}
+
+
+@functools.lru_cache(64)
+def _beyond_laws(text: str) -> str:
+    return beyond_laws(CrossSection.from_toml_text(text))
 
 
 def notes_of(doubts: dict[str, Any]) -> tuple[str, ...]:
@@ -212,10 +229,15 @@ def geometry_of(model: Any) -> str:
 
 
 def mode_of(model: Any) -> GuidedMode | None:
-    """The mode whose temperature the output "light" of a model or heat problem is; None where it is not known."""
+    """The mode whose temperature the output "light" of a model, family or heat problem is; None if it is not known."""
     if isinstance(model, HeatProblem):
         mode = model.light
         return None if mode is None else GuidedMode(mode.name, mode.wavelength)
+    family = getattr(model, "family", model)
+    section = getattr(getattr(family, "box", None), "base", None)
+    if isinstance(section, CrossSection):
+        own = section.light
+        return GuidedMode(own.mode, own.wavelength) if own is not None and LIGHT in family.outputs else None
     stated = (GuidedMode.of_origin(getattr(one, "origin", None)) for one in (model, bare(model)))
     return next((mode for mode in stated if mode is not None), None)
 

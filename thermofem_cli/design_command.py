@@ -3,6 +3,7 @@
 The quantities of --period and --map are those of `coupled.ring_family`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,12 +14,12 @@ import surrogate
 import thermofem as th
 from coupled import RingResonator
 from coupled.ring_family import MovingRing, PulsingMap, SettledPeriod, ring_at
-from coupled.thermal import as_read, check_geometry, geometry_of
+from coupled.thermal import as_read, check_geometry, geometry_of, mode_of
 from surrogate.family import Family
 from surrogate.family.family import ChannelNames
 from thermofem import InputError, checks
 from thermofem.data import quantity
-from thermofem.ring_temperature import check_read
+from thermofem.ring_temperature import check_read, detuning_output
 
 from . import options
 from .command_files import check_outputs, expect, note_ring, ring_of
@@ -50,13 +51,15 @@ def design(
     channel = channel_of(found, heated, read)
     target: dict[Any, float] = {}
     moving: Any = None
+    if period:
+        resonator, channel = ring_for(found, channel, ring, read)
+        settled = settled_of(resonator, power, detuning)
+        moving = optics_of(found, resonator)
+        target[settled] = quantity.positive(period, "s", name="--period")
     if resistance:
         target["thermal_resistance"] = quantity.positive(resistance, "K/W", name="--resistance")
     if rise_time:
         target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
-    if period:
-        settled, moving = settled_of(found, channel, ring, power, detuning)
-        target[settled] = quantity.positive(period, "s", name="--period")
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     fixed = fixed_of(found, fix)
@@ -145,12 +148,13 @@ def uncertainty(
     fixed = fixed_of(found, fix)
     what: Any = "thermal_resistance"
     moving = None
-    if map_:
-        resonator = ring_for(found, channel, ring)
-        what = PulsingMap(resonator, *grid(resonator, power, detuning, points))
+    if map_ or period:
+        resonator, channel = ring_for(found, channel, ring, read)
+        if map_:
+            what = PulsingMap(resonator, *grid(resonator, power, detuning, points))
+        else:
+            what = settled_of(resonator, power, detuning)
         moving = optics_of(found, resonator)
-    elif period:
-        what, moving = settled_of(found, channel, ring, power, detuning)
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
     if held:
         units = units_of(found)
@@ -241,24 +245,25 @@ def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelN
     return family.named_channel(heated, read)
 
 
-def ring_for(family: Family, channel: ChannelNames, given: str) -> RingResonator:
-    """Return the ring of --ring; by default that of the family's geometry, if this has [light] and [[bus]]."""
+def ring_for(family: Family, channel: ChannelNames, given: str, read: str | None) -> tuple[RingResonator, ChannelNames]:
+    """Return the ring of --ring, and the channel that drives it: the output that it reads where --read names none.
+
+    Default is the ring of the family's geometry, if this has [light] and [[bus]].
+    """
     own = family.optics
     if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
         found = ring_at(family, family.box.nominal)
         note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
-        return _as_read(found, family, channel)
-    found = ring_of(given)
-    note_ring(found, given)
-    check_geometry(found, family)
-    return _as_read(found, family, channel)
-
-
-def _as_read(ring: RingResonator, family: Family, channel: ChannelNames) -> RingResonator:
-    """The ring as it reads the models of a family, after one comparison of both temperatures for all members."""
+    else:
+        found = ring_of(given)
+        note_ring(found, given)
+        check_geometry(found, family)
+    output = read or detuning_output(found.read, channel.heated, family.outputs)
+    channel = replace(channel, read=output)
+    mode = mode_of(family)
+    check_read(found, geometry_of(family), channel.heated, output, mode=mode, chosen=read is not None)
     middle = family.of_channel(channel, dict(zip(family.names, family.box.middle.tolist(), strict=True)))
-    check_read(ring, geometry_of(family), channel.heated, channel.read)
-    return as_read(ring, middle)
+    return as_read(found, middle), channel
 
 
 def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
@@ -283,10 +288,7 @@ def _of_parameters(family: Family, option: str, given: list[str] | None, example
     return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
 
 
-def settled_of(
-    family: Family, channel: ChannelNames, ring: str, power: str, detuning: str
-) -> tuple[SettledPeriod, MovingRing | None]:
-    """Return the settled period as a function of the member, and how the ring's optics depend on the geometry."""
-    resonator = ring_for(family, channel, ring)
+def settled_of(ring: RingResonator, power: str, detuning: str) -> SettledPeriod:
+    """Return the settled period as a function of the member."""
     watts = quantity.parse(power, "W", name="--power")
-    return SettledPeriod(resonator, watts, detuning_of(detuning, resonator)), optics_of(family, resonator)
+    return SettledPeriod(ring, watts, detuning_of(detuning, ring))

@@ -12,7 +12,7 @@ from thermofem.data import quantity
 
 from . import options
 from .command_files import about, check_outputs, expect
-from .console import say, working, written, wrote
+from .console import bar, say, working, written, wrote
 
 
 def family(
@@ -34,8 +34,9 @@ def family(
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
     hot = None if power is None else quantity.parse(power, "W", name="--power")
-    with options.executor_of(context, scheduler, workers) as executor, working("training"):
-        found = surrogate.train_family(file, tolerance, seed=seed, executor=executor, folder=folder, power=hot)
+    with options.executor_of(context, scheduler, workers) as executor, bar("training") as progress:
+        training: dict[str, Any] = {"seed": seed, "executor": executor, "folder": folder, "power": hot}
+        found = surrogate.train_family(file, tolerance, **training, progress=progress)
     found.save(output)
     error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
     say(

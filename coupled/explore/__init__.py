@@ -20,7 +20,7 @@ from thermofem.ring_temperature import check_read, detuning_output
 from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import heater_power
 from ..resonator import RingResonator
-from ..thermal import check_geometry, compact, geometry_of, mode_of
+from ..thermal import check_geometry, geometry_of, mode_of
 from . import bundle, contents
 from .geometries import family_of
 from .section import section_of
@@ -144,7 +144,7 @@ def explore(
     }  # fmt: skip
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
-    grid = family_of(family) if family is not None else None
+    grid = None if family is None else family_of(family, contents.channels_of(_middle(family), parts).model.outputs[0])
     if grid:
         moved = [p for p in grid["parameters"] if p["moved"]]
         start |= {f"p{k}": p["scale"] * (p["low"] + p["high"]) / 2 for k, p in enumerate(moved)}
@@ -176,7 +176,7 @@ def explore(
 
 def _middle(family: Any) -> Any:
     """The thermal model of the member in the middle of a family's ranges."""
-    return compact(family.at(dict(zip(family.names, family.box.middle, strict=True))))
+    return family.at(dict(zip(family.names, family.box.middle, strict=True)))
 
 
 def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:

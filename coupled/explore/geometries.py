@@ -15,8 +15,10 @@ TAU = np.geomspace(1e-9, 1e-4, 31)  # s; six a decade
 TIMES = np.geomspace(2e-10, 1e-3, 90)  # s, at which steps are fitted
 
 
-def family_of(family: Any) -> dict[str, Any]:
+def family_of(family: Any, read: str | None = None) -> dict[str, Any]:
     """Return Foster networks of a `surrogate.family.Family` on a grid of its parameters, and the interpolation error.
+
+    read: the output of the family that detunes the ring; default its first.
 
     All members have the same time constants; R_i >= 0 is fitted to each member's step response by nonnegative least
     squares, with its R_th. Between grid points R_i is interpolated linearly, so the model stays passive. ``error``: the
@@ -31,13 +33,14 @@ def family_of(family: Any) -> dict[str, Any]:
     moved = min(len(names), 3)
     points = POINTS[moved]
     middle = dict(zip(names, (low + high) / 2, strict=True))
+    read = read or getattr(family, "outputs", (None,))[0]
     logs = [bool(log) for log in getattr(family.box, "logarithmic", [False] * len(names))]
     spaced = [np.geomspace if log else np.linspace for log in logs]
     axes = [spaced[k](low[k], high[k], points) for k in range(moved)]
     shares = []
     for values in product(*axes):
         parameters = middle | dict(zip(names, values, strict=False))
-        shares.append(_shares(family.model(**parameters)))
+        shares.append(_shares(family.model(read=read, **parameters)))
     rows = np.array(shares)
     grid = [np.linspace(0, 1, points)] * moved
     between = RegularGridInterpolator(grid, rows.reshape(*(points,) * moved, TAU.size))
@@ -46,7 +49,7 @@ def family_of(family: Any) -> dict[str, Any]:
     for _ in range(24):
         share = draw.uniform(0, 1, moved)
         member = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
-        exact = family.model(**(middle | member))
+        exact = family.model(read=read, **(middle | member))
         step = -np.expm1(-TIMES[:, None] / TAU) @ between(share)[0]
         largest = np.abs(step - exact.step_response(TIMES)).max()
         error = max(error, float(largest / exact.thermal_resistance))

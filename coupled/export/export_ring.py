@@ -88,18 +88,24 @@ def export_ring(
         raise checks.InputError(f"path = {export.target.path}: a circuit goes into spice, not into other formats")
     run = None if power is None else demonstration(power, detuning, period)
     _check_read(ring, export.model, export.provenance)
-    if run is not None and run.period is None and isinstance(ring, RingResonator):
+    if run is not None and run.period is None:
         run = replace(run, rests=_rests(ring, export.model, run))
     return export.format.write(ring, export.model, export.target, run)
 
 
-def _rests(ring: RingResonator, model: Any, run: Demonstration) -> bool:
-    """Whether a demonstration is at rest at its end; False where `simulate` does not take the model."""
+def _rests(ring: RingResonator | Circuit, model: Any, run: Demonstration) -> bool:
+    """Whether a demonstration is at rest at its end, with all its rings; False where `simulate` does not take it."""
+    drive: dict[str, Any] = {"power": run.power, "detuning": run.detuning, "duration": DURATION}
+    if isinstance(ring, Circuit):
+        drive["power"] = {laser.name: run.power for laser in ring.lasers}
+        try:
+            traces = simulate(ring, model, **drive)
+        except InputError:
+            return False
+        return all(pulsing(traces.sel(ring=name)).regime == Regime.STABLE for name in ring.names)
     small = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
     try:
-        trace = simulate(
-            as_read(ring, small), without_origin(small), power=run.power, detuning=run.detuning, duration=DURATION
-        )
+        trace = simulate(as_read(ring, small), without_origin(small), **drive)
     except InputError:
         return False
     return bool(pulsing(trace).regime == Regime.STABLE)

@@ -6,7 +6,7 @@ import itertools
 import logging
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +17,21 @@ from scipy.linalg import eigh
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
+from thermofem.geometry.section_parts import LIGHT, MODE, WAVELENGTH
 from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
 from . import family_files
 from .affine_engine import AffineMembers
-from .interpolation import OpticalNumbers, OutputMaps
+from .interpolation import OutputMaps
 from .members import Certified, MemberModes, certified, coarse_difference
 from .moved_mesh_engine import MovedMeshMembers
+from .optical_numbers import LitMember, LitMembers, OpticalNumbers, two_outputs
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
-Model = Foster | OutputMap
+Channel = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
 DIFFERENCE_STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
@@ -84,10 +86,11 @@ class Family:
     ----------
     box : Box
     inputs, outputs : tuple of str
-        heated parts and what is read.
+        heated parts and what is read; "light", the temperature that rings of these geometries read, is the last output
+        where the geometry has [light].
     tolerance : float
         that was asked for.
-    members : AffineMembers or MovedMeshMembers
+    members : AffineMembers, MovedMeshMembers or LitMembers
         makes the small matrices of a member.
     error : HeldOut
     floor, factor : float
@@ -105,7 +108,7 @@ class Family:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     tolerance: float
-    members: AffineMembers | MovedMeshMembers
+    members: AffineMembers | MovedMeshMembers | LitMembers
     error: HeldOut
     floor: float
     factor: float
@@ -162,8 +165,11 @@ class Family:
         a, b = self.channel(heated, read)
         return ChannelNames(self.ports[a], self.ports[b])
 
-    def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
+    def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Channel | LitMember:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
+
+        With "light" among the outputs, and no channel named, it also holds this output, so that a ring finds the
+        temperature that it reads (`LitMember`).
 
         Parameters
         ----------
@@ -177,20 +183,31 @@ class Family:
         InputError
             a parameter missing or unknown, or a value outside the box.
         """
-        a, b = self.channel(heated, read)
+        if heated is None and read is None and self.has_light_beside:
+            a, b = self.channel()
+            modes = self.members.member(self.box.row(values)).modes()
+            light = self.ports.index(LIGHT)
+            system = two_outputs(modes, (self.ports[a], self.ports[b]), (a, b, light), self._origin(LIGHT))
+            return LitMember(system, self._foster(modes, a, b))
+        return self.of_channel(self.named_channel(heated, read), values)
+
+    @property
+    def has_light_beside(self) -> bool:
+        """Whether `model` has "light" beside the first output: where the family reads both, and is linear."""
+        return LIGHT in self.outputs and len(self.outputs) > 1 and self.output_maps is None
+
+    def at(self, values: Mapping[str, Any]) -> Channel | LitMember:
+        """`model` without a named channel; ``values`` maps the name of each parameter to its value in SI."""
+        return self.model(**values)
+
+    def of_channel(self, channel: ChannelNames, values: Mapping[str, Any]) -> Channel:
+        """`model` of a channel; ``values`` maps the name of each parameter to its value in SI."""
+        a, b = self.channel(channel.heated, channel.read)
         row = self.box.row(values)
         modes = self.members.member(row).modes()
         return self._with_output_map(self._foster(modes, a, b), row, (a, b))
 
-    def at(self, values: Mapping[str, Any]) -> Model:
-        """`model` of the first channel; ``values`` maps the name of each parameter to its value in SI."""
-        return self.model(**values)
-
-    def of_channel(self, channel: ChannelNames, values: Mapping[str, Any]) -> Model:
-        """`model` of a channel; ``values`` maps the name of each parameter to its value in SI."""
-        return self.model(heated=channel.heated, read=channel.read, **values)
-
-    def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
+    def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Channel:
         if self.output_maps is None:
             return linear
         if channel != self.channel():
@@ -217,11 +234,11 @@ class Family:
 
     def reduced(
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
-    ) -> Model:
+    ) -> Channel:
         """Return a member with few poles; its impedance differs from that of `model` by at most ``tolerance`` R_th."""
         a, b = self.channel(heated, read)
         channel = self.system(**values).channel(self.ports[a], self.ports[b])
-        model: Any = reduce(channel, tolerance).model  # of one channel a Foster network
+        model: Any = reduce(replace(channel, origin=self._origin(self.ports[b])), tolerance).model  # a Foster network
         return self._with_output_map(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
@@ -230,6 +247,10 @@ class Family:
         a, b = self.channel(heated, read)
         R_th = self.members.resistances(rows.reshape(-1, self.box.size), a, b)
         return np.asarray(R_th.reshape(rows.shape[:-1]))
+
+    def chosen_channel(self, heated: str | None, read: str | None) -> ChannelNames | None:
+        """`named_channel` where one of both names is given, else None; errors as of `channel`."""
+        return None if heated is None and read is None else self.named_channel(heated, read)
 
     def step_response(
         self, times: ArrayLike, *, heated: str | None = None, read: str | None = None, **values: ArrayLike
@@ -346,7 +367,15 @@ class Family:
         R = modes.R(a, b)
         size = np.abs(R)
         strong = (size > FAINT * size.sum()) & (modes.tau > 0)
-        return Foster(R=R[strong], tau=modes.tau[strong], inputs=(self.ports[a],), outputs=(self.ports[b],))
+        ports = {"inputs": (self.ports[a],), "outputs": (self.ports[b],)}
+        return Foster(R=R[strong], tau=modes.tau[strong], **ports, origin=self._origin(self.ports[b]))
+
+    def _origin(self, read: str) -> dict[str, Any] | None:
+        """Origin of a model read in ``read``: the mode whose temperature "light" is, and a warning of the training."""
+        own = self.box.base.light
+        mode = {MODE: own.mode, WAVELENGTH: own.wavelength} if read == LIGHT and own is not None else {}
+        warning = {name: text for name, text in self.provenance.items() if name == "warning"}
+        return {**mode, **warning} or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,7 +395,7 @@ class Held:
         """Ends (low, high) of the range of each parameter that is not fixed, SI."""
         return {name: ends for name, ends in self.family.ranges.items() if name not in self.values}
 
-    def at(self, values: Mapping[str, float]) -> Model:
+    def at(self, values: Mapping[str, float]) -> Channel | LitMember:
         """Model of the member whose remaining parameters have the given ``values`` in SI."""
         return self.family.at({**self.values, **values})
 
@@ -385,7 +414,7 @@ def load_family(path: str | Path) -> Family:
         family = Family(**fields)
         values = dict(zip(family.names, family.box.middle, strict=True))
         with np.errstate(all="ignore"):
-            middle = family.model(**values)
+            middle = family.of_channel(family.named_channel(), values)
         checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
         return family
 

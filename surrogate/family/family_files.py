@@ -15,13 +15,15 @@ from thermofem.campaign import Variation
 from thermofem.checks import check_names
 from thermofem.data.files import from_json, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE
+from thermofem.geometry.section_parts import LIGHT
 from thermofem.mesh import Mesh
 
 from .affine_engine import AffineMembers, Coefficients
 from .affine_grid import ARRAYS, Axis, CellGrid, SampledWeights, SurfacePoints
-from .interpolation import OpticalNumbers, OutputMaps
+from .interpolation import OutputMaps
 from .members import pack, unpack
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers
+from .optical_numbers import LightPort, LitMembers, OpticalNumbers
 from .parameter_box import Box
 
 if TYPE_CHECKING:
@@ -43,10 +45,14 @@ def save(family: Family, path: str | Path) -> Path:
     content["campaign"] = {name: getattr(campaign, name) for name in ("name", "geometry", "heated", "read")}
     content["campaign"]["variations"] = [_variation(v) for v in campaign.variations]
     arrays: dict[str, Any] = {"low": box.low, "high": box.high}
-    if isinstance(family.members, AffineMembers):
-        words, fields = _affine_fields(family.members)
+    members = family.members
+    if isinstance(members, LitMembers):
+        arrays |= {f"light_{name}": values for name, values in vars(members.light).items()}
+        members = members.members
+    if isinstance(members, AffineMembers):
+        words, fields = _affine_fields(members)
     else:
-        words, fields = _moved_fields(family.members)
+        words, fields = _moved_fields(members)
     content |= words
     arrays |= fields
     if maps is not None:
@@ -119,13 +125,25 @@ def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
     box = _box(content["campaign"], a)
     inputs = check_names("inputs", content["inputs"])
     outputs = check_names("outputs", content["outputs"])
+    lit = "light_coefficients" in a
+    if lit != (LIGHT in outputs):
+        raise ValueError("the output of the light and its weights do not fit")
+    members: AffineMembers | MovedMeshMembers | LitMembers
     if content["engine"].startswith("affine"):
-        members: AffineMembers | MovedMeshMembers = _lines(content, a, box)
+        members = _lines(content, a, box)
     else:
         mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
         moved = MovedMeshEngine(box, float(content["accuracy"]), mesh)
         ports = tuple(dict.fromkeys((*inputs, *outputs)))
-        members = MovedMeshMembers(moved, a["basis"], ports)
+        means = tuple(name for name in ports if name != LIGHT)
+        members = MovedMeshMembers(moved, a["basis"], means)
+    if lit:
+        port = LightPort(a["light_powers"], a["light_coefficients"], a["light_shifts"])
+        terms = len(port.powers)
+        checks.shape("light: powers", port.powers, (terms, box.size))
+        checks.shape("light: coefficients", port.coefficients, (terms, members.size))
+        checks.shape("light: shifts", port.shifts, (terms,))
+        members = LitMembers(members, port, box)
     error = {name: _not_negative(name, content["error"]) for name in ("worst", "median")}
     error["count"] = checks.integer("count", content["error"]["count"], 1, np.inf)
     fields: dict[str, Any] = {"box": box, "inputs": inputs, "outputs": outputs, "members": members, "error": error}

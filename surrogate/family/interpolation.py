@@ -1,4 +1,4 @@
-"""Numbers of members by interpolation between some that were solved: properties, output maps, optical numbers.
+"""Numbers of members by interpolation between some that were solved: properties and output maps.
 
     y(p) = sum over k of c_k T_k1(x_1) T_k2(x_2) ...,    k1 + k2 + ... <= degree,    x = 2 share - 1
 
@@ -11,41 +11,28 @@ Output maps of k(T) and c_p(T):
 with a the coefficient of `surrogate.output_map` at one power. The error is that of the steady rise at the power and at
 half of it, and of a pulse, against finite elements with the laws of temperature; the hottest member is among those left
 out.
-
-Optical numbers: y is the logarithm of the couplings and of what a bend radiates. Modes and couplers of members are
-solved on moved meshes.
 """
 
 from __future__ import annotations
 
 import itertools
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
-from operator import itemgetter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from scipy.stats import qmc
 
-from thermofem import CrossSection, Foster, OutputMap, Pulse, checks, solve
+from thermofem import Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.assembly import assemble_like
-from thermofem.optics.coupler import of_buses
-from thermofem.optics.mode import LEAST
-from thermofem.optics.mode_derivatives import numbers
-from thermofem.optics.modes import Light
+from thermofem.fem import HeatProblem
 
 from ..reduction.nonlinear_reduction import output_map
-from .affine_engine import AffineEngine
 from .members import Solver
-from .moved_mesh_engine import MovedMeshEngine
 from .parameter_box import Box
-
-log = logging.getLogger("thermofem")
 
 TAIL_PROBABILITY = 1e-4  # probability beyond either end of the span on which members are worked out
 
@@ -168,8 +155,26 @@ class OutputMaps:
         return OutputMap(linear, a, largest_rise=float(rise))
 
 
+class Engine(Protocol):
+    """What solves members on moved meshes: `AffineEngine`, `MovedMeshEngine` or `LitEngine`."""
+
+    @property
+    def box(self) -> Box:
+        """The box of parameters."""
+        ...
+
+    @property
+    def reference(self) -> HeatProblem:
+        """The heat problem in the middle of the box."""
+        ...
+
+    def heat(self, row: Array) -> HeatProblem:
+        """The heat problem of the member with parameters ``row``, shape (p,)."""
+        ...
+
+
 def interpolate_output_maps(
-    engine: AffineEngine | MovedMeshEngine,
+    engine: Engine,
     channel: tuple[str, str],
     power: float,
     member: Callable[[Array], Foster],
@@ -209,16 +214,14 @@ def interpolate_output_maps(
     return replace(maps, error=max(errors))
 
 
-def coefficient_of(engine: AffineEngine | MovedMeshEngine, row: Array, channel: tuple[str, str], power: float) -> float:
+def coefficient_of(engine: Engine, row: Array, channel: tuple[str, str], power: float) -> float:
     """Coefficient of the output map of one member, in 1/K."""
     system: Any = engine.heat(row).model(*channel)  # nonlinear, as the geometry has laws of temperature
     unit = Foster(R=[system.linear.thermal_resistance], tau=[1e-6])  # the coefficient is static
     return output_map(system, power, linear=unit).coefficient
 
 
-def nonlinear_reference(
-    engine: AffineEngine | MovedMeshEngine, row: Array, channel: tuple[str, str], power: float
-) -> tuple[Array, Array]:
+def nonlinear_reference(engine: Engine, row: Array, channel: tuple[str, str], power: float) -> tuple[Array, Array]:
     """Rises in K of the FEM with k(T): in the steady state at half and full power, shape (2,), and under a pulse."""
     heat = engine.heat(row)
     heated, read = channel
@@ -235,154 +238,3 @@ def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> flo
     response = model.of(model.linear.response(Pulse(power, PULSE), TIMES))
     pulse = (response - rise) / rise.max()
     return float(np.abs([*static, *pulse]).max())
-
-
-MOST_TERMS = 40  # of a polynomial
-PER_TERM = 2  # members solved for each term, beside corners of the box
-LEFT_OUT = 8  # members that give the errors
-ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
-
-
-@dataclass(frozen=True, eq=False)
-class OpticalNumbers:
-    """Polynomials of the optical numbers of a ring over the box of parameters.
-
-    names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and
-        "kappa 1": kappa^2 of every bus, and "radiated" [1/s].
-    powers [shape (terms, p)]: degrees of the polynomials in each term.
-    coefficients [shape (terms, numbers)]
-    errors [shape (numbers,)]: largest relative error over members left out.
-    solved: how many members were solved.
-    """
-
-    names: tuple[str, ...]
-    powers: NDArray[Any]
-    coefficients: Array
-    errors: Array
-    solved: int
-
-    def at(self, share: Array) -> dict[str, float]:
-        """The numbers by name at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
-        (row,) = self.rows(share[None])
-        return dict(zip(self.names, row.tolist(), strict=True))
-
-    def rows(self, shares: Array) -> Array:
-        """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
-        values = chebyshev(shares, self.powers) @ self.coefficients
-        logarithmic = _logarithmic(self.names)
-        values[:, logarithmic] = np.exp(values[:, logarithmic])
-        column = self.names.index("radiated")
-        radiated = values[:, column]
-        values[:, column] = np.where(radiated > 2 * LEAST, radiated - LEAST, 0.0)
-        return np.asarray(values)
-
-    def moves(self, k: int) -> bool:
-        """Whether any of the optical numbers depends on the k-th parameter.
-
-        That is, whether one differs by more than 1e-6 of itself between the ends of the parameter's range, with all
-        other parameters in the middle of theirs.
-        """
-        ends = np.full((2, self.powers.shape[1]), 0.5)
-        ends[:, k] = 0.0, 1.0
-        low, high = self.rows(ends)
-        change = np.abs(high - low)
-        return bool((change > 1e-6 * np.abs(low)).any())
-
-    @property
-    def error(self) -> dict[str, float]:
-        """Largest relative error of every number over members left out."""
-        return dict(zip(self.names, self.errors.tolist(), strict=True))
-
-    def words(self) -> str:
-        """Text with the errors of n_eff and of the couplings, and the largest error of the other numbers."""
-        errors = self.error
-        kappas = [errors.pop(name) for name in self.names if name.startswith("kappa")]
-        worst = max(errors, key=lambda name: errors[name])
-        couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
-        n_eff = f"{errors['n_eff']:.1e}"
-        return f"n_eff {n_eff}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
-
-    def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
-        """JSON fields and arrays that store the polynomials in a family's file."""
-        arrays = {f"optics_{name}": getattr(self, name) for name in ("powers", "coefficients", "errors")}
-        return {"names": list(self.names), "solved": self.solved}, arrays
-
-    @classmethod
-    def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
-        """The polynomials that `content` gave as JSON fields and arrays."""
-        names = checks.check_names("optics", words["names"])
-        powers = arrays["optics_powers"]
-        coefficients = arrays["optics_coefficients"]
-        errors = arrays["optics_errors"]
-        checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
-        checks.shape("optics: errors", errors, (len(names),))
-        solved = checks.integer("solved", words["solved"], 1, np.inf)
-        return cls(names, powers, coefficients, errors, solved)
-
-
-def train_optics(box: Box, seed: int, solver: Solver) -> OpticalNumbers:
-    """Solve the modes and bus couplings of many members, and fit polynomials to them over the box of parameters.
-
-    ``errors`` are measured at `LEFT_OUT` members that are left out of the fit.
-
-    Raises InputError: more than a quarter of the members have no such numbers; the message says why the last one.
-    """
-    powers = total_degree(box.size, MOST_TERMS)
-    rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
-    test = box.draw(LEFT_OUT, seed, unseen=True)
-    every = np.vstack([rows, test])
-    base = box.base.to_toml()
-    tasks = [(base, box.geometry(row).to_toml()) for row in every]
-    results = solver(numbers_of, tasks, every)
-    count = len(results)
-    rings = [k for k, result in enumerate(results) if isinstance(result, dict)]
-    members = [results[k] for k in rings]
-    hybrid = sum(member.pop("hybrid", 0.0) for member in members)
-    if hybrid:
-        log.warning("optics: the mode of %d of %d members is hybrid: its name may hop between two", hybrid, count)
-    missing = count - len(rings)
-    reason = next((result for result in results[::-1] if isinstance(result, str)), "")
-    if missing > count / 4:
-        raise checks.InputError(f"{missing} of {count} members are no rings; the last one said: {reason}")
-    if missing:
-        log.warning("optics: %d of %d members are left out; the last one said: %s", missing, count, reason)
-    names = tuple(members[0])
-    table = np.array([itemgetter(*names)(member) for member in members])
-    values = table + LEAST * np.array([name == "radiated" for name in names])
-    logarithmic = _logarithmic(names)
-    values[:, logarithmic] = np.log(values[:, logarithmic])
-    shares = box.share(every[rings])
-    learn = np.array(rings) < len(rows)
-    columns: Array = chebyshev(shares[learn], powers)
-    coefficients: Any = np.linalg.lstsq(columns, values[learn], rcond=None)[0]
-    curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
-    truth = table[~learn]
-    off = np.abs(curve.rows(shares)[~learn] - truth)
-    relative = off / np.maximum(np.abs(truth), 1e-300)
-    return replace(curve, errors=np.where(truth == 0, 0.0, relative).max(axis=0))
-
-
-def numbers_of(base: str, geometry: str) -> dict[str, float] | str:
-    """Optical numbers of one member by name, or a text that says why it has none.
-
-    base, geometry: texts of geometry files, of the mesh that is moved and of the member.
-    """
-    try:
-        heat = assemble_like(base, CrossSection.from_toml_text(geometry), ACCURACY)
-        light = heat.geometry.light
-        mode = Light.of(heat).mode()
-        by_name = numbers(mode)
-        if light is not None and light.loss is not None:
-            by_name["loss"] = light.loss
-        for k, bus in enumerate(of_buses(mode, heat.geometry.buses)):
-            by_name[f"kappa {k}"] = bus.power
-        by_name["radiated"] = mode.radiation_rate + mode.leak_rate
-        if mode.hybrid:
-            by_name["hybrid"] = 1.0
-        return by_name
-    except checks.InputError as error:
-        return str(error)
-
-
-def _logarithmic(names: tuple[str, ...]) -> NDArray[np.bool_]:
-    return np.array([name.startswith(("kappa", "radiated")) for name in names])

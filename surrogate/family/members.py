@@ -20,13 +20,17 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh
 
-from thermofem import CrossSection, StateSpace, assemble, checks
+from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store, completed
 from thermofem.data.files import LARGEST, digest, digest_tree
 from thermofem.fem import HeatProblem
+from thermofem.fem.assembly import meshed
+from thermofem.geometry.section_parts import LIGHT
 
 from ..reduction.reduce import Projected, project
+
+log = logging.getLogger("thermofem")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +76,14 @@ TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are
 
 
 def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float:
-    """Largest relative difference of R_th and of the step response from 1 ns on, over all channels.
+    """Largest relative difference of R_th and of the step response from 1 ns on, over all channels that both have.
 
     The first ``heated`` ports carry heat, all are read. A difference is relative to the value itself where a part reads
     its own heat, and to the static value of the channel elsewhere.
     """
     worst = 0.0
     for a in range(heated):
-        for b in range(len(truth.ports)):
+        for b in range(min(len(modes.ports), len(truth.ports))):
             static = truth.R(a, b).sum()
             rise = truth.step_response(TIMES, a, b)
             scale = rise if a == b else abs(static)
@@ -170,9 +174,23 @@ class Certified:
     mesh_error: float
 
 
+def fine_heat(geometry: CrossSection, tolerance: float) -> HeatProblem:
+    """The heat problem of a member on its own mesh, finer than ``tolerance``; without "light" where it guides none."""
+    heat, _ = meshed(geometry, max(FINER * tolerance, FINEST_MESH))
+    try:
+        return heat.lit
+    except checks.InputError as error:
+        log.warning("%s: its light is left out: %s", geometry.name, error)
+        return heat
+
+
 def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> tuple[MemberModes, Projected]:
-    """Certified reduction of a heat problem between its ports: modes, and the projection they come from."""
+    """Certified reduction of a heat problem between its ports: modes, and the projection they come from.
+
+    "light", the last of the ports, is left out where the problem has none.
+    """
     d = heat.discretization
+    ports = tuple(name for name in ports if name in d.means or name != LIGHT)
     columns = np.column_stack([d.means[name][d.free] for name in ports])
     system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
     projected = project(system, max(REDUCTION * tolerance, 1e-7))
@@ -188,16 +206,17 @@ def certified(
 
     The first ``heated`` of the ports carry heat.
     """
-    heat = assemble(geometry, max(FINER * tolerance, FINEST_MESH))
+    heat = fine_heat(geometry, tolerance)
     truth, projected = certified_modes(heat, ports, tolerance)
     rate = projected.projection.rate
     beta = projected.projection.ports
     gain = projected.projection.gain.diagonal()
+    names = ports[: gain.size]  # without "light" where the mesh has none
     a, b = projected.pairs
     bounds = projected.certificate.top / np.sqrt(gain[a] * gain[b])
     return Certified(
         heat=heat,
-        model=StateSpace(np.eye(rate.size), -np.diag(rate), beta, beta.T, inputs=ports, outputs=ports),
+        model=StateSpace(np.eye(rate.size), -np.diag(rate), beta, beta.T, inputs=names, outputs=names),
         thermal_resistance=float(truth.R().sum()),
         error=difference(modes, truth, heated),
         error_bound=float(bounds.max()),
@@ -274,12 +293,10 @@ def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
 Task = tuple[Any, ...]
 Job = tuple[int, Task]  # number of a task, and the task
 
-log = logging.getLogger("thermofem")
-
 
 def fine_member(geometry: str, ports: tuple[str, ...], tolerance: float) -> MemberModes:
     """Modes of a member on its own mesh, finer than ``tolerance``; geometry: text of its geometry file."""
-    heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST_MESH))
+    heat = fine_heat(CrossSection.from_toml_text(geometry), tolerance)
     return certified_modes(heat, ports, tolerance)[0]
 
 
@@ -290,18 +307,27 @@ class Solver:
     key: text that stands for all that the members share; results in the store under another key are left alone.
     executor: None solves in this process.
     store: keeps what is solved, open while the solver is called; None keeps nothing.
+    progress: called as progress(done, total, words) after each task.
     """
 
     key: str
     executor: Executor | None = None
     store: Store | None = None
+    progress: Callable[[float, float, str], None] | None = None
 
     def __call__(
-        self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[Task],
+        marks: Iterable[Array],
+        shared: str = "",
+        *,
+        words: str = "members",
     ) -> list[Any]:
         """Run ``function`` on every task; results in order, None for a task that failed, which a line in the log names.
 
-        ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
+        ``marks`` tell the tasks apart, ``shared`` says what they have in common beside `key`, and ``words`` what is
+        solved, for the progress.
 
         Raises InputError: one that a task raised, or all tasks failed.
         """
@@ -312,7 +338,9 @@ class Solver:
         reason = ""
         jobs = [(k, tasks[k]) for k, member in enumerate(solved) if member is None]
         with contextlib.closing(self._results(partial(_of_job, function), jobs)) as results:
-            for k, result in results:
+            for done, (k, result) in enumerate(results):
+                if self.progress is not None:
+                    self.progress(done, len(jobs), words)
                 try:
                     solved[k] = result()
                 except checks.InputError:

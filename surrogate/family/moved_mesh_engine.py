@@ -74,12 +74,17 @@ class MovedMeshMembers:
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        result = np.empty(len(rows))
-        for k, row in enumerate(rows):
-            member = self.member(row)
-            field = np.linalg.solve(member.K, member.ports[heated])
-            result[k] = member.ports[read] @ field
-        return result
+        return resistances_of(self, rows, heated, read)
+
+
+def resistances_of(members: Any, rows: Array, heated: int, read: int) -> Array:
+    """R_th in K/W between two ports of members that are made one after the other; as `MovedMeshMembers.resistances`."""
+    result = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        member = members.member(row)
+        field = np.linalg.solve(member.K, member.ports[heated])
+        result[k] = member.ports[read] @ field
+    return result
 
 
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:

@@ -8,7 +8,7 @@ import contextlib
 import json
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,11 +21,13 @@ from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
 from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import digest, from_toml, read_toml, to_toml
+from thermofem.fem.heat_problem import beyond_laws
+from thermofem.geometry.section_parts import LIGHT
 
 from .affine_engine import AffineEngine, AffineMembers
 from .affine_grid import NotAffineError
 from .family import Family, HeldOut
-from .interpolation import interpolate_output_maps, train_optics
+from .interpolation import interpolate_output_maps
 from .members import (
     FINEST_MESH,
     Member,
@@ -39,6 +41,7 @@ from .members import (
     snapshot_of,
 )
 from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
+from .optical_numbers import LitEngine, LitMembers, train_optics
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
@@ -50,9 +53,10 @@ KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch ad
 LEAST = 0.5, 0.1, 0.01  # the same in the end: the first that holds all members; with more than 0.5 corners are missed
 BATCH = 6
 MOST_BATCHES = 60
+CORNERS = 16  # of the box, where tables of k(T) and c_p(T) may be left
 
-Engine = AffineEngine | MovedMeshEngine
-Members = AffineMembers | MovedMeshMembers
+Engine = AffineEngine | MovedMeshEngine | LitEngine
+Members = AffineMembers | MovedMeshMembers | LitMembers
 
 
 @dataclass
@@ -132,6 +136,7 @@ def train_family(
     executor: Executor | None = None,
     folder: str | Path | None = None,
     power: float | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
 ) -> Family:
     """Train one reduced basis for all members of a campaign's ranges.
 
@@ -152,6 +157,8 @@ def train_family(
     power : float, W
         with k(T) or c_p(T) the largest power of interest: members then have an output map (`surrogate.output_map`),
         interpolated between members that are solved with these laws; ``family.output_maps.error`` is its error.
+    progress : function
+        called as ``progress(done, total, words)`` for every member; ``words`` say what is solved, such as the light.
 
     Returns
     -------
@@ -178,13 +185,21 @@ def train_family(
     heated = len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
     store = None if folder is None else Store(checks.path("folder", folder), ".npz")
-    solver = Solver(key, executor, store)
+    solver = Solver(key, executor, store, progress)
     with store.opened() if store else contextlib.nullcontext():
         rows, fine_members = _held_out(box, held_out, seed, ports, tolerance, solver)
         log.info("%d held-out members solved", len(fine_members))
-        engine, references = _engine(box, ports, heated, tolerance, rows, fine_members)
+        means = tuple(name for name in ports if name != LIGHT)
+        dark = _engine(box, means, heated, tolerance, rows, fine_members)
+        engine: Engine = dark
+        optics = None
+        passing = replace(solver, store=None)
+        if LIGHT in ports:
+            optics, light = train_optics(dark, seed, passing)
+            engine = LitEngine(dark, light)
         trainer = Trainer(engine, ports, tolerance, seed, heated, solver)
         members = trainer.run()
+    references = [certified_modes(engine.heat(row), ports, tolerance)[0] for row in rows]
     errors = _errors(members, rows, references, fine_members, heated)
     family = Family(
         box=box,
@@ -195,22 +210,20 @@ def train_family(
         error=HeldOut(max(errors.total), float(np.median(errors.total)), len(errors.total)),
         floor=SAFETY * max(errors.mesh),
         factor=SAFETY * max(errors.ratio),
+        optics=optics,
     )
-    passing = replace(solver, store=None)
     if power is not None:
         channel = family.named_channel()
 
         def linear(row: Array) -> Any:
-            return family.at(dict(zip(box.names, row, strict=True)))
+            return family.of_channel(channel, dict(zip(box.names, row, strict=True)))
 
         maps = interpolate_output_maps(engine, (channel.heated, channel.read), power, linear, seed, passing)
         family = replace(family, output_maps=maps)
     elif engine.reference.nonlinear:
         log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
-    if box.base.light is not None:
-        family = replace(family, optics=train_optics(box, seed, passing))
     for name in _without_effect(box, members, heated):
-        if family.optics is None or not family.optics.moves(box.names.index(name)):
+        if optics is None or not optics.moves(box.names.index(name)):
             log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if family.error > tolerance:
         log.warning(
@@ -219,6 +232,9 @@ def train_family(
             family.error,
             tolerance,
         )
+    beyond = _beyond_laws(family)
+    if beyond:
+        log.warning(beyond)
     provenance = {
         "method": f"reduced basis, {members.engine}",
         "version": version,
@@ -228,7 +244,20 @@ def train_family(
         "seconds": round(time.perf_counter() - started, 3),
         "unknowns": engine.reference.unknowns,
     }
-    return replace(family, provenance=provenance)
+    return replace(family, provenance=provenance | ({"warning": beyond} if beyond else {}))
+
+
+def _beyond_laws(family: Family) -> str:
+    """Warning of tables k(T), c_p(T) that a corner leaves, up to the power of the output maps; "" of none."""
+    box = family.box
+    for row in (box.middle, *box.corners(CORNERS)):
+        rise = 0.0
+        if family.output_maps is not None:
+            hot: Any = family.of_channel(family.named_channel(), dict(zip(box.names, row, strict=True)))
+            rise = hot.largest_rise
+        if text := beyond_laws(box.geometry(row), rise):
+            return text
+    return ""
 
 
 def _held_out(
@@ -240,7 +269,7 @@ def _held_out(
     """
     rows = box.draw(count, seed, unseen=True)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
-    modes = solver(fine_member, tasks, rows)
+    modes = solver(fine_member, tasks, rows, words="held-out members")
     solved = [k for k, of_member in enumerate(modes) if of_member is not None]
     return rows[solved], [modes[k] for k in solved]
 
@@ -311,37 +340,34 @@ def campaign_hash(campaign: Campaign) -> str:
 
 def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, fine_members: Sequence[MemberModes]
-) -> tuple[Engine, list[MemberModes]]:
-    """Choose the engine, and refine its mesh until held-out members are within `SHARE_OF_BASIS` of the tolerance.
-
-    Returns: the engine, and the modes of these members on its mesh.
-    """
+) -> AffineEngine | MovedMeshEngine:
+    """Choose the engine, and refine its mesh until held-out members are within `SHARE_OF_BASIS` of the tolerance."""
     accuracy = 0.5 * tolerance  # 0.5: accuracy of the first reference mesh over the tolerance
     for _ in range(3):  # 3: reference meshes tried
-        engine: Engine
+        engine: AffineEngine | MovedMeshEngine
         try:
             engine = AffineEngine(box, accuracy)
         except NotAffineError as reason:
             log.info("the family moves its mesh for every member, because %s", reason)
             engine = MovedMeshEngine(box, accuracy)
-        references = []
         errors = []
         for row, fine in zip(rows, fine_members, strict=True):
             modes, _ = certified_modes(engine.heat(row), ports, tolerance)
-            references.append(modes)
             errors.append(difference(modes, fine, heated))
         error = max(errors)
         if error <= SHARE_OF_BASIS * tolerance or accuracy <= FINEST_MESH:
             break
         accuracy = max(FINEST_MESH, 0.7 * accuracy * SHARE_OF_BASIS * tolerance / error)
-    return engine, references
+    return engine
 
 
 def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the heated and of the read parts of a campaign."""
+    """Names of the heated and of the read parts of a campaign, the light last where the geometry has [light]."""
     base = box.base
     heated = box.campaign.heated
     inputs = (checks.choice("heated", heated, base.heated),) if heated else base.heated
-    readable = (*base.region_names, *(probe.name for probe in base.probes))
-    outputs = tuple(checks.choice("read", name, readable) for name in box.campaign.read or inputs)
-    return inputs, outputs
+    light = () if base.light is None else (LIGHT,)
+    readable = (*base.region_names, *(probe.name for probe in base.probes), *light)
+    outputs = [checks.choice("read", name, readable) for name in box.campaign.read or inputs]
+    means = [name for name in outputs if name not in light]
+    return inputs, (*means, *light)

@@ -174,7 +174,7 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
     # 200: states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
     small = isinstance(poles, StateSpace) and poles.order <= 200
     if small or isinstance(poles, Foster | Network | Cauer):
-        poles = poles.dynamics
+        poles = model.dynamics
     if isinstance(poles, Foster) and poles.passive:
         R = np.asarray(poles.R)
         tau = np.asarray(poles.tau)

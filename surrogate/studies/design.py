@@ -121,7 +121,8 @@ def design(
         of the training, and of the members that the search begins from and the front is made of.
     seed : int
     heated, read : str
-        the channel of the members; default the first heated part, and itself or what the family reads first.
+        the channel of the members; default the first heated part, and itself or what the family reads first. A function
+        then gets `Family.at`, which has the output "light", too, where the family reads it.
 
     Returns
     -------
@@ -139,7 +140,7 @@ def design(
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance, executor)
     channel = family.named_channel(heated, read)
-    search = search_of(family, free, target, fixed, optics, channel)
+    search = search_of(family, free, target, fixed, optics, family.chosen_channel(heated, read))
     x = _nearest(search, seed, executor)
     got = search.achieved(x)
     if all(np.isnan(value) for value in got.values()):
@@ -150,6 +151,7 @@ def design(
     values = search.values(x)
     slopes = _sensitivity(search, values)
     message = _message(search, reached, got, active, slopes)
+    reads = dict.fromkeys(of_member.read for of_member in search.properties.values())
     return Design(
         values=values,
         achieved=got,
@@ -158,7 +160,7 @@ def design(
         active=active,
         sensitivity=slopes,
         certified=family.certify(**values),
-        message=f"{channel}: {message}",
+        message=f"{channel.heated} to {', '.join(reads)}: {message}",
         family=family,
         channel=channel,
         front=front,

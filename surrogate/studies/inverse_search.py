@@ -14,6 +14,7 @@ from thermofem.campaign import Variation
 from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.export.poles import poles_of
 from thermofem.geometry.parameter_paths import change
+from thermofem.geometry.section_parts import LIGHT
 
 from ..family import Family, train_family
 from ..family.family import ChannelNames
@@ -147,7 +148,8 @@ def word(quantity: Quantity) -> str:
 class Property:
     """A property as a function of a member's parameters; nan where its computation raises InputError.
 
-    channel: heated part, and what is read, of the model that the property is one of; default the family's first.
+    channel: heated part, and what is read, of the model that the property is one of; default the family's first, and of
+        a function `Family.at`, which has "light", too, where the family reads it.
     reason: why the last member without the property has none.
     """
 
@@ -167,7 +169,14 @@ class Property:
         self.quantity = quantity
         self.optics = optics
         self.channel = channel or family.named_channel()
+        self.whole = channel is None and callable(quantity)
         self.reason = "none was looked at"
+
+    @property
+    def read(self) -> str:
+        """Names of the outputs of the model that the property is one of, with commas."""
+        lit = self.whole and self.family.has_light_beside
+        return f"{self.channel.read}, {LIGHT}" if lit else self.channel.read
 
     def many(self, members: Sequence[Mapping[str, float]], executor: Executor | None = None) -> list[Any]:
         """Values of the property for many members, in chunks on the executor if one is given.
@@ -203,8 +212,9 @@ class Property:
         try:
             if isinstance(self.quantity, str):
                 return QUANTITIES[self.quantity](model)
+            whole: Any = self.family.at(values) if self.whole else model
             changes = () if self.optics is None else (self.optics.changes(self.family, values),)
-            return self.quantity(model, *changes)
+            return self.quantity(whole, *changes)
         except checks.InputError as error:
             self.reason = str(error)
             return np.nan
@@ -291,7 +301,7 @@ def search_of(
     target: Mapping[Quantity, float],
     fixed: Mapping[str, float] | None,
     optics: Follows | None,
-    channel: ChannelNames,
+    channel: ChannelNames | None,
 ) -> Search:
     """Check targets, ranges and fixed values, and make the `Search`."""
     fixed = checks.mapping("fixed", fixed)

@@ -65,7 +65,8 @@ def uncertainty(
         where members are worked out, such as that of a Dask client; the quantity must then be one that it can pickle.
     seed : int
     heated, read : str
-        the channel of the members; default the first heated part, and itself or what the family reads first.
+        the channel of the members; default the first heated part, and itself or what the family reads first. A function
+        then gets `Family.at`, which has the output "light", too, where the family reads it.
 
     Returns
     -------
@@ -88,10 +89,10 @@ def uncertainty(
     """
     fixed = checks.mapping("fixed", fixed)
     _check(family, distributions, fixed, samples)
-    channel = family.named_channel(heated, read)
+    channel = family.chosen_channel(heated, read)
     study = _Study(Property(family, quantity, optics, channel), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
-    attrs |= {"heated": channel.heated, "read": channel.read}
+    attrs |= {"heated": study.one.channel.heated, "read": study.one.read}
     values: Callable[[Array], Any] = study.values
     if interpolate is not None:
         tails = np.tile([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY], (len(distributions), 1))

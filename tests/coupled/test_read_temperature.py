@@ -12,6 +12,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from sections import COVERED, LIGHT
 from typer.testing import CliRunner
 
 import coupled
@@ -26,38 +27,6 @@ from coupled.unknowns import unknowns
 from surrogate.fitting.fit import Training
 from thermofem_cli import app
 
-COVERED = """
-name = "strip under a polymer"
-outer_radius = "40 um"
-[[layer]]
-name = "substrate"
-material = "Si"
-thickness = "30 um"
-[[layer]]
-name = "box"
-material = "SiO2"
-thickness = "2 um"
-datum = true
-[[layer]]
-name = "cladding"
-material = "polymer"
-thickness = "2 um"
-[[part]]
-name = "core"
-material = "Si"
-radius = "10 um"
-width = "350 nm"
-bottom = "0 nm"
-height = "220 nm"
-heated = true
-[material.polymer]
-conductivity = "0.2 W/m/K"
-density = "1200 kg/m^3"
-specific_heat = "1500 J/kg/K"
-index = 1.5
-thermo_optic = "-3e-4 1/K"
-"""
-LIGHT = '[light]\nwavelength = "1550 nm"\nloss = "2 dB/cm"\n'
 FAINT = {"power": 1e-6, "detuning": -1e9}  # W, Hz: the ring rests
 STRONG = {"power": 1e-2, "detuning": 0.0}  # it pulses
 ROUND_OFF = 1e-6  # the reduction has R_th exactly; at rest after 100 of the slowest time constants

@@ -345,3 +345,31 @@ def test_a_quiet_ring_in_long_steps(tmp_path):
     cold = 4 * ring.bus_rate * ring.drop_bus_rate / (ring.linear_rate**2 + turn**2)
     # after two rows; 3e-4 was measured at 1 mW, reltol is 1e-4
     assert np.abs(drop[3:] / (cold * power) - 1).max() < 5e-4
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not installed")
+def test_a_quiet_circuit_in_long_steps(tmp_path):
+    """Cold rings 200 GHz apart on a bus, each with P_through = P (1 - 4 gamma_e (gamma - gamma_e)/(gamma^2 + D^2)).
+
+    Steps of a 20th of the carriers' lifetime took 2e6 steps for 100 us.
+    """
+    ring = replace(coupled.borghi2021(), carriers=coupled.ConstantLifetime(1e-9))
+    other = replace(ring, name="other", frequency=ring.frequency + 200e9)
+    circuit = coupled.bus([ring, other])
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    power = 1e-7
+    detuning = -5e9
+    coupled.export_ring(circuit, model, tmp_path / "ring.cir", power=power, detuning=detuning)
+    assert step_of(tmp_path) == 4e-9
+    subprocess.run(["ngspice", "-b", "ring_demo.cir"], cwd=tmp_path, capture_output=True, check=True, timeout=120)
+    head = (tmp_path / "ring_demo.csv").read_text().splitlines()[0].split(",")
+    column = next(k for k, name in enumerate(head) if "through" in name or "out" in name)
+    through = np.loadtxt(tmp_path / "ring_demo.csv", delimiter=",", skiprows=1)[:, column]
+    expected = power
+    for offset in (detuning, detuning - 200e9):
+        turn = 2 * np.pi * offset
+        dip = 4 * ring.bus_rate * (ring.linear_rate - ring.bus_rate) / (ring.linear_rate**2 + turn**2)
+        expected *= 1 - dip
+    # as of a quiet ring
+    assert np.abs(through[3:] / expected - 1).max() < 5e-4

@@ -173,3 +173,18 @@ def test_what_has_no_optics_says_so(family):
     fixed = coupled.borghi2021().with_rates(eta_fca=2e-13)
     with pytest.raises(th.InputError, match="follows eta_fca"):
         MovingRing(family, fixed)
+
+
+def test_a_member_has_the_light_that_its_ring_reads(folder, family):
+    """In oxide the mean over the core is .5 % from the light at 10 ns: a step within .2 % of the light is no other."""
+    member = {"width": 441e-9, "box": 1.9e-6}
+    assert family.outputs == ("core", "light")
+    times = np.array([3e-9, 1e-8, 1e-6, 1e-4])
+    own = surrogate.reduce(th.assemble(section(folder, **member)).system, tolerance=1e-5).model
+    expected = own.channel("core", "light").step_response(times)
+    # 1e-3 of the mesh and of the family each, of the step itself
+    np.testing.assert_allclose(family.step_response(times, read="light", **member), expected, rtol=2e-3)
+    assert abs(family.step_response(1e-8, read="core", **member) / expected[1] - 1) > 4e-3
+    run = coupled.limit_cycle(ring_at(family, member), family.model(**member), power=POWER)
+    assert run.attrs["read"] == "light"
+    assert "warning" not in run.attrs

@@ -63,3 +63,38 @@ def says(error, *words):
     message = str(error.value)
     assert all(word in message for word in words), message
     assert "\n" not in message
+
+
+# silicon under a polymer with dn/dT < 0: the mean over the core is a third of what light sees at first
+COVERED = """
+name = "strip under a polymer"
+outer_radius = "40 um"
+[[layer]]
+name = "substrate"
+material = "Si"
+thickness = "30 um"
+[[layer]]
+name = "box"
+material = "SiO2"
+thickness = "2 um"
+datum = true
+[[layer]]
+name = "cladding"
+material = "polymer"
+thickness = "2 um"
+[[part]]
+name = "core"
+material = "Si"
+radius = "10 um"
+width = "350 nm"
+bottom = "0 nm"
+height = "220 nm"
+heated = true
+[material.polymer]
+conductivity = "0.2 W/m/K"
+density = "1200 kg/m^3"
+specific_heat = "1500 J/kg/K"
+index = 1.5
+thermo_optic = "-3e-4 1/K"
+"""
+LIGHT = '[light]\nwavelength = "1550 nm"\nloss = "2 dB/cm"\n'

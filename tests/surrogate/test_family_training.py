@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import logging
 import multiprocessing
 import os
@@ -11,6 +12,7 @@ import shutil
 import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ import thermofem as th
 from surrogate.family.affine_engine import AffineEngine
 from surrogate.family.members import MemberModes, Solver
 from surrogate.family.moved_mesh_engine import MovedMeshEngine
+from surrogate.family.optical_numbers import train_optics
 from surrogate.family.parameter_box import Box
 from thermofem.campaign import Variation
 from thermofem.campaign.stored_tasks import Store, processes
@@ -128,3 +131,24 @@ def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)
     assert family.error > 1e-3
     assert "more than tolerance = 0.001" in caplog.text
+
+
+def test_progress_counts_the_members():
+    calls = []
+    Solver("key", progress=lambda *now: calls.append(now))(modes, [(1.0,), (3.0,)], MARKS[:2], words="light")
+    assert calls == [(0, 2, "light"), (1, 2, "light")]
+
+
+def test_members_without_light_are_counted_by_reason():
+    """One line with the most frequent reasons, not one for each of a hundred members."""
+    reasons = itertools.cycle(["no mode at 60 nm", "no mode at 60 nm", "no index", "too tight"])
+
+    def no_member(function, tasks, marks, **_):
+        return list(itertools.islice(reasons, len(tasks)))
+
+    engine = SimpleNamespace(box=Box.of(campaign(BOX)))
+    with pytest.raises(th.InputError) as error:
+        train_optics(engine, 0, no_member)
+    # middle, two corners, two for each of 7 terms, and 8 that are left out
+    count = 1 + 2 + 2 * 7 + 8
+    assert f"{count} of {count} members are no rings; 13 said: no mode at 60 nm; 6 said: no index" in str(error.value)

@@ -276,3 +276,19 @@ def test_a_disc_begins_at_its_first_radial_order():
     mode = th.light(section(stack(RING), full), wavelength=1.55e-6).mode("TE0")
     assert mode.n_eff == pytest.approx(2.50522, abs=3e-4)
     assert mode.order == pytest.approx(50.777, abs=5e-3)
+
+
+def test_silicon_in_the_o_band_asks_for_a_table():
+    """The law of silicon begins at 1.36 um. A table that holds one index is that index: two readers of one number."""
+    guide = th.strip_ring()
+    with pytest.raises(th.InputError, match=r"'Si', the material of 'core'.* give a table for this band: index = \{"):
+        th.light(guide, wavelength=1.31e-6)
+    text = guide.to_toml().replace('material = "Si"', 'material = "silicon"')
+    properties = 'conductivity = "148 W/m/K"\ndensity = "2330 kg/m^3"\nspecific_heat = "700 J/kg/K"\n'
+    bands = ('{ wavelength = ["1.26 um", "1.3 um", "1.33 um", "1.36 um"], values = [3.51, 3.51, 3.51, 3.51] }', "3.51")
+    found = []
+    for index in bands:
+        section = th.CrossSection.from_toml_text(f"{text}\n[material.silicon]\n{properties}index = {index}\n")
+        found.append(th.light(section, wavelength=1.31e-6).mode("TE0").n_eff)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    assert 2.4 < found[0] < 3.51

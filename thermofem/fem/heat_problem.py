@@ -42,6 +42,26 @@ TOGETHER = " + "  # between the names of parts that share a power
 HELD_SHARE = 1e-9  # of a mean at held unknowns, by which its gain of the ambient is below 1
 
 
+def beyond_laws(section: CrossSection, rise: float = 0.0) -> str:
+    """As `HeatProblem.beyond_laws`, of a cross-section."""
+    ambient = section.ambient
+    reached = ambient + rise
+    ranges: dict[str, tuple[float, float]] = {}
+    for region in section.region_names:
+        material = section.material_of(region)
+        for law in (material.conductivity_law, material.specific_heat_law):
+            table = beyond_table(law, min(ambient, reached), max(ambient, reached))
+            if table is not None:
+                ranges[material.name] = table
+    if not ranges:
+        return ""
+    laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
+    return (
+        f"{section.name}: at {reached:.4g} K the tables of {laws} are left and held at their last values: "
+        "the temperatures are not those of the materials; give k(T) and c_p(T) that reach there"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class HeatProblem:
     """The heat problem of one cross-section, as returned by `assemble`.
@@ -208,7 +228,9 @@ class HeatProblem:
         if AMBIENT in inputs:
             self._check_moving(outputs)
         if (inputs, outputs) not in self._kept:
-            about = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            about: dict[str, Any] = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            beyond = self.beyond_laws()
+            about |= {"warning": beyond} if beyond else {}
             origin = about | self.stated_mode(outputs)
             system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
             self._kept[inputs, outputs] = system
@@ -242,22 +264,7 @@ class HeatProblem:
 
     def beyond_laws(self, rise: float = 0.0) -> str:
         """Warning of tables k(T), c_p(T) that do not hold from the ambient to ``rise`` in K above it; "" of none."""
-        ambient = self.geometry.ambient
-        reached = ambient + rise
-        ranges: dict[str, tuple[float, float]] = {}
-        for region in self.regions:
-            material = self.geometry.material_of(region)
-            for law in (material.conductivity_law, material.specific_heat_law):
-                table = beyond_table(law, min(ambient, reached), max(ambient, reached))
-                if table is not None:
-                    ranges[material.name] = table
-        if not ranges:
-            return ""
-        laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
-        return (
-            f"{self.geometry.name}: at {reached:.4g} K the tables of {laws} are left and held at their last values: "
-            "the temperatures are not those of the materials; give k(T) and c_p(T) that reach there"
-        )
+        return beyond_laws(self.geometry, rise)
 
     def model(
         self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None

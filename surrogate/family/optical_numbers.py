@@ -1,0 +1,343 @@
+"""The light of a family: optical numbers of its rings and the temperature "light", as polynomials over the box.
+
+    y(p) = sum over k of c_k T_k(p)        T: products of Chebyshev polynomials (`interpolation.chebyshev`)
+
+y is an optical number, or the logarithm of a coupling or of what a bend radiates; and of every unknown of the reference
+mesh the weight c_light of its temperature in that of the mode (`thermofem.fem.HeatProblem.with_light`), which becomes
+V^T c_light(p) on the functions V of the family. Modes and couplers of members are solved on moved meshes.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from thermofem import Foster, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.fem import HeatProblem
+from thermofem.fem.assembly import assemble_like
+from thermofem.geometry.section_parts import LIGHT
+from thermofem.models import HasModel
+from thermofem.optics.coupler import of_buses
+from thermofem.optics.mode import LEAST
+from thermofem.optics.mode_derivatives import numbers
+from thermofem.optics.modes import Light
+
+from .affine_engine import AffineEngine, AffineMembers
+from .interpolation import chebyshev, total_degree
+from .members import MemberMatrices, MemberModes, Solver
+from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, resistances_of
+from .parameter_box import Box
+
+log = logging.getLogger("thermofem")
+
+MOST_TERMS = 40  # of a polynomial
+PER_TERM = 2  # members solved for each term, beside corners of the box
+LEFT_OUT = 8  # members that give the errors
+FIRST_REASONS = 3  # why members are left out: as many are named
+ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalNumbers:
+    """Polynomials of the optical numbers of a ring over the box of parameters.
+
+    names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and
+        "kappa 1": kappa^2 of every bus, and "radiated" [1/s].
+    powers [shape (terms, p)]: degrees of the polynomials in each term.
+    coefficients [shape (terms, numbers)]
+    errors [shape (numbers,)]: largest relative error over members left out.
+    solved: how many members were solved.
+    """
+
+    names: tuple[str, ...]
+    powers: NDArray[Any]
+    coefficients: Array
+    errors: Array
+    solved: int
+
+    def at(self, share: Array) -> dict[str, float]:
+        """The numbers by name at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
+        (row,) = self.rows(share[None])
+        return dict(zip(self.names, row.tolist(), strict=True))
+
+    def rows(self, shares: Array) -> Array:
+        """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
+        values = chebyshev(shares, self.powers) @ self.coefficients
+        logarithmic = _logarithmic(self.names)
+        values[:, logarithmic] = np.exp(values[:, logarithmic])
+        column = self.names.index("radiated")
+        radiated = values[:, column]
+        values[:, column] = np.where(radiated > 2 * LEAST, radiated - LEAST, 0.0)
+        return np.asarray(values)
+
+    def moves(self, k: int) -> bool:
+        """Whether any of the optical numbers depends on the k-th parameter.
+
+        That is, whether one differs by more than 1e-6 of itself between the ends of the parameter's range, with all
+        other parameters in the middle of theirs.
+        """
+        ends = np.full((2, self.powers.shape[1]), 0.5)
+        ends[:, k] = 0.0, 1.0
+        low, high = self.rows(ends)
+        change = np.abs(high - low)
+        return bool((change > 1e-6 * np.abs(low)).any())
+
+    @property
+    def error(self) -> dict[str, float]:
+        """Largest relative error of every number over members left out."""
+        return dict(zip(self.names, self.errors.tolist(), strict=True))
+
+    def words(self) -> str:
+        """Text with the errors of n_eff and of the couplings, and the largest error of the other numbers."""
+        errors = self.error
+        kappas = [errors.pop(name) for name in self.names if name.startswith("kappa")]
+        worst = max(errors, key=lambda name: errors[name])
+        couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
+        n_eff = f"{errors['n_eff']:.1e}"
+        return f"n_eff {n_eff}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
+
+    def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """JSON fields and arrays that store the polynomials in a family's file."""
+        arrays = {f"optics_{name}": getattr(self, name) for name in ("powers", "coefficients", "errors")}
+        return {"names": list(self.names), "solved": self.solved}, arrays
+
+    @classmethod
+    def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
+        """The polynomials that `content` gave as JSON fields and arrays."""
+        names = checks.check_names("optics", words["names"])
+        powers = arrays["optics_powers"]
+        coefficients = arrays["optics_coefficients"]
+        errors = arrays["optics_errors"]
+        checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
+        checks.shape("optics: errors", errors, (len(names),))
+        solved = checks.integer("solved", words["solved"], 1, np.inf)
+        return cls(names, powers, coefficients, errors, solved)
+
+
+@dataclass(frozen=True, eq=False)
+class LightPort:
+    """Weights of the temperature "light" as polynomials over the box of parameters.
+
+        K <T>_light = c(p)^T x,     c(p) = sum over k of c_k T_k(p),     K(p) = sum over k of K_k T_k(p)
+
+    with K the shift -d ln(w)/dT of the mode in 1/K: c alone, which K divides, has a pole where a cladding cancels it.
+
+    powers [shape (terms, p)]: degrees of the polynomials in each term.
+    coefficients [shape (terms, n), 1/K]: c_k for n unknowns of the reference mesh, or n functions of the family.
+    shifts [shape (terms,), 1/K]: K_k.
+    """
+
+    powers: NDArray[Any]
+    coefficients: Array
+    shifts: Array
+
+    def at(self, share: Array) -> Array:
+        """Weights c/K, shape (n,), at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
+        (terms,) = chebyshev(share[None], self.powers)
+        return np.asarray(terms @ self.coefficients / (terms @ self.shifts))
+
+
+@dataclass(frozen=True, eq=False)
+class LitMember(HasModel):
+    """A member as the Foster network ``first`` of its first channel, which also holds "light" for rings that read it.
+
+    model: the same heat with both outputs; rings and model files take it.
+    """
+
+    model: StateSpace
+    first: Foster
+
+    @property
+    def _other(self) -> Foster:
+        return self.first
+
+    @property
+    def R(self) -> ArrayLike:
+        """Thermal resistances in K/W of the first channel."""
+        return self.first.R
+
+    @property
+    def tau(self) -> ArrayLike:
+        """Time constants in s of the first channel."""
+        return self.first.tau
+
+    @property
+    def dynamics(self) -> Foster:
+        """The first channel."""
+        return self.first
+
+
+def two_outputs(
+    modes: MemberModes, names: tuple[str, str], ports: tuple[int, int, int], origin: dict[str, Any] | None
+) -> StateSpace:
+    """A member in modal form, heated and read in two parts by their ``names``, and read in the light.
+
+    ports: indices of the heated and of the read part and of the light among those of ``modes``.
+    """
+    heated, *read = ports
+    decays = modes.tau > 0
+    rate = 1 / modes.tau[decays]
+    scaled = modes.ports[:, decays] * np.sqrt(rate)
+    B = scaled[[heated]].T
+    outputs = (names[1], LIGHT)
+    return StateSpace(np.eye(rate.size), -np.diag(rate), B, scaled[read], names[:1], outputs, origin=origin)
+
+
+@dataclass(frozen=True, eq=False)
+class LitMembers:
+    """Members of a family with the port "light" after those of ``members``."""
+
+    members: AffineMembers | MovedMeshMembers
+    light: LightPort
+    box: Box
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that makes the matrices."""
+        return self.members.engine
+
+    @property
+    def size(self) -> int:
+        """Number of basis functions."""
+        return self.members.size
+
+    def member(self, row: Array) -> MemberMatrices:
+        """Projected matrices of the member with parameters ``row``, shape (p,)."""
+        member = self.members.member(row)
+        light = self.light.at(self.box.share(row))
+        return replace(member, ports=np.vstack([member.ports, light]))
+
+    def resistances(self, rows: Array, heated: int, read: int) -> Array:
+        """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
+        lit = len(self.member(self.box.middle).ports) - 1
+        if read == lit:
+            return resistances_of(self, rows, heated, read)
+        return self.members.resistances(rows, heated, read)
+
+
+@dataclass(frozen=True, eq=False)
+class LitEngine:
+    """An engine whose members have the port "light".
+
+    light: of the unknowns of the reference mesh.
+    """
+
+    engine: AffineEngine | MovedMeshEngine
+    light: LightPort
+
+    @property
+    def box(self) -> Box:
+        """The box of parameters."""
+        return self.engine.box
+
+    @property
+    def reference(self) -> HeatProblem:
+        """The heat problem in the middle of the box."""
+        return self.engine.reference
+
+    def heat(self, row: Array) -> HeatProblem:
+        """The heat problem of a member on the moved reference mesh, with "light" among its means."""
+        heat = self.engine.heat(row)
+        light = self.light.at(self.box.share(row))
+        means = {**heat.discretization.means, LIGHT: light}
+        return replace(heat, discretization=replace(heat.discretization, means=means))
+
+    def project(self, V: Array, ports: tuple[str, ...]) -> LitMembers:
+        """Project the family on the functions V, shape (free unknowns, N); "light" is the last of the ports."""
+        free = self.reference.discretization.free
+        light = replace(self.light, coefficients=self.light.coefficients[:, free] @ V)
+        return LitMembers(self.engine.project(V, ports[:-1]), light, self.box)
+
+
+class MemberLight(NamedTuple):
+    """Light of one member.
+
+    numbers: its optical numbers by name.
+    weights [shape (unknowns,), 1/K]: d ln(w) by the temperature of every unknown of the reference mesh; K is their sum.
+    hybrid: whether its mode is.
+    """
+
+    numbers: dict[str, float]
+    weights: Array
+    hybrid: bool
+
+
+def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solver) -> tuple[OpticalNumbers, LightPort]:
+    """Solve the light of many members, and fit polynomials over the box of parameters to it.
+
+    ``errors`` of the numbers are measured at `LEFT_OUT` members that are left out of the fit; those of the port "light"
+    are part of the errors of the family.
+
+    Raises InputError: more than a quarter of the members are no rings; the message says why.
+    """
+    box = engine.box
+    powers = total_degree(box.size, MOST_TERMS)
+    rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
+    every = np.vstack([rows, box.draw(LEFT_OUT, seed, unseen=True)])
+    tasks = [(engine, row) for row in every]
+    results = solver(light_of, tasks, every, words="light of members")
+    solved = [k for k, result in enumerate(results) if isinstance(result, MemberLight)]
+    members = [results[k] for k in solved]
+    hybrid = sum(member.hybrid for member in members)
+    if hybrid:
+        log.warning("optics: the mode of %d of %d members is hybrid: its name may hop", hybrid, len(every))
+    _check_left_out(results)
+    names = tuple(members[0].numbers)
+    table = np.array([itemgetter(*names)(member.numbers) for member in members])
+    values = table + LEAST * np.array([name == "radiated" for name in names])
+    logarithmic = _logarithmic(names)
+    values[:, logarithmic] = np.log(values[:, logarithmic])
+    shares = box.share(every[solved])
+    learn = np.array(solved) < len(rows)
+    columns: Array = chebyshev(shares[learn], powers)
+    coefficients: Any = np.linalg.lstsq(columns, values[learn], rcond=None)[0]
+    curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
+    truth = table[~learn]
+    off = np.abs(curve.rows(shares)[~learn] - truth)
+    relative = off / np.maximum(np.abs(truth), 1e-300)
+    errors = np.where(truth == 0, 0.0, relative).max(axis=0)
+    weights = np.array([member.weights for member in members])
+    port: Any = np.linalg.lstsq(columns, weights[learn], rcond=None)[0]
+    return replace(curve, errors=errors), LightPort(powers, port, port.sum(axis=1))
+
+
+def _check_left_out(results: list[Any]) -> None:
+    """Log how many members are no rings and why; InputError where they are more than a quarter."""
+    reasons = Counter(result for result in results if isinstance(result, str))
+    missing = sum(not isinstance(result, MemberLight) for result in results)
+    if not missing:
+        return
+    words = "; ".join(f"{many} said: {reason}" for reason, many in reasons.most_common(FIRST_REASONS))
+    text = f"{missing} of {len(results)} members are no rings"
+    if missing > len(results) / 4:
+        raise checks.InputError(f"{text}; {words}")
+    log.warning("optics: %s and are left out; %s", text, words)
+
+
+def light_of(engine: AffineEngine | MovedMeshEngine, row: Array) -> MemberLight | str:
+    """The light of the member with parameters ``row``, shape (p,), or a text that says why it has none."""
+    try:
+        geometry = engine.box.geometry(row)
+        heat = assemble_like(engine.box.base.to_toml(), geometry, ACCURACY)
+        mode = Light.of(heat).mode()
+        by_name = numbers(mode)
+        if geometry.light is not None and geometry.light.loss is not None:
+            by_name["loss"] = geometry.light.loss
+        for k, bus in enumerate(of_buses(mode, geometry.buses)):
+            by_name[f"kappa {k}"] = bus.power
+        by_name["radiated"] = mode.radiation_rate + mode.leak_rate
+        lit = engine.heat(row).with_light(mode)
+        weights = mode.thermo_optic * lit.discretization.means[LIGHT]
+        return MemberLight(by_name, weights, mode.hybrid)
+    except checks.InputError as error:
+        return str(error)
+
+
+def _logarithmic(names: tuple[str, ...]) -> NDArray[np.bool_]:
+    return np.array([name.startswith(("kappa", "radiated")) for name in names])
