@@ -23,7 +23,7 @@ from thermofem.piecewise import interpolated
 
 from .circuit.circuit import Circuit
 from .circuit.network import ring_heat
-from .heaters import AMBIENT, Poles, channels, heating
+from .heaters import AMBIENT, LongOn, Poles, channels, heating
 from .inputs import Pieces, add, bounds, joint, pieces
 from .resistive_heaters import LARGEST_DRIVE, ResistiveHeater, at_rest, read_heaters
 from .states import final_state, starting_point
@@ -101,7 +101,7 @@ class HeaterLoop:
         if power.steady:
             return float(power(0.0))
         rest = self.feedback.rest.get(name, 0.0)
-        return [rest, add([power, Pieces.constant(0.0, self.duration, -rest)])]
+        return LongOn([rest, add([power, Pieces.constant(0.0, self.duration, -rest)])])
 
     def change(self, powers: Mapping[str, Any], run: xr.Dataset) -> tuple[dict[str, Any], float]:
         """Powers with the heat of the light of a run, and the largest relative change from those that it had."""

@@ -161,7 +161,7 @@ def heating(
 
     heaters [mapping of name to number, waveform, or list of them, which add; W]
     before [J]: states of all heaters at t = 0, concatenated; heaters that are not given cool down from there. None: a
-        number, alone or in a list, is a power that was constant for all t < 0, any other input is 0 for t < 0.
+        number, or the first of `LongOn`, is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given.keys() - {AMBIENT}:
@@ -188,10 +188,14 @@ def heating(
     return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
 
 
+class LongOn(list[Any]):
+    """A list of inputs, which add; its first one, a number, was there before t = 0."""
+
+
 def _long_on(value: Any) -> float:
-    """The constant part of an input: a number, or the sum of the numbers in a list."""
-    parts = value if isinstance(value, list | tuple) and not isinstance(value, Pieces) else [value]
-    return sum(float(part) for part in parts if hasattr(part, "__float__"))
+    """The part of an input that was there before t = 0 where nothing else is known: a number."""
+    constant = value[0] if isinstance(value, LongOn) else value
+    return float(constant) if hasattr(constant, "__float__") else 0.0
 
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:

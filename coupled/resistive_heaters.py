@@ -126,7 +126,7 @@ def _resistor(model: Any, name: str, values: Any) -> Resistor:
     if values is not None:
         pair = checks.array(f"resistor of {name!r} in the model", values)
         checks.shape(f"resistor of {name!r} in the model", pair, (2,))
-        return Resistor(*pair.tolist(), "recorded")
+        return Resistor(float(pair[0]), float(pair[1]), "recorded")
     text = geometry_of(model)
     if text:
         return CrossSection.from_toml_text(text).resistor(name)
@@ -215,12 +215,19 @@ def _fed_back(system: StateSpace, B: Array, C: Array) -> StateSpace:
     if np.allclose(A, A.T, rtol=1e-9, atol=1e-12 * np.abs(A).max()):
         return replace(system, A=A)
     E = system.E.toarray() if issparse(system.E) else system.E
-    pace = 1 + APART * ((B != 0) @ np.arange(1, len(C) + 1))[:, None]
-    rates, modes = np.linalg.eig(pace * np.linalg.solve(E, A))
+    driving = B != 0
+    numbers = np.arange(1, len(C) + 1)
+    pace = 1 + APART * (driving @ numbers)[:, None]
+    flow = pace * np.linalg.solve(E, A)
+    inflow = pace * np.linalg.solve(E, system.B)
+    rates, modes = np.linalg.eig(flow)
+    turning = np.abs(rates.imag / rates).max()
     hint = "drive all heaters alike, by voltages or by currents"
-    checks.between("frequency of a thermal mode with heaters", np.abs(rates.imag / rates).max(), 0, DIGITS, hint=hint)
-    inputs = np.linalg.solve(modes.real, pace * np.linalg.solve(E, system.B))
-    return replace(system, E=np.eye(rates.size), A=np.diag(rates.real), B=inputs, C=system.C @ modes.real)
+    checks.between("frequency of a thermal mode with heaters", turning, 0, DIGITS, hint=hint)
+    modes = modes.real
+    inputs = np.linalg.solve(modes, inflow)
+    outputs = system.C @ modes
+    return replace(system, E=np.eye(rates.size), A=np.diag(rates.real), B=inputs, C=outputs)
 
 
 def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
