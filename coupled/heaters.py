@@ -23,14 +23,12 @@ from thermofem.ring_temperature import CORE, detuning_output
 
 from .arguments import power_in_time
 from .inputs import Pieces, add, bounds, last_change, pieces
-from .resistive_heaters import Rest, at_rest
+from .resistive_heaters import LARGEST_POWER, Rest, at_rest, heater_power
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
-LARGEST_POWER = 10.0  # W
 TOGETHER = 50_000  # pieces of a heater's power that are cut at once: some 100 MB
-LARGEST_AMBIENT = 250.0  # K, above or below the ambient of the geometry
 AT_ONCE = "added to the temperature of every ring at once: the thermal model has no input 'ambient'"
 
 
@@ -163,7 +161,7 @@ def heating(
 
     heaters [mapping of name to number, waveform, or list of them, which add; W]
     before [J]: states of all heaters at t = 0, concatenated; heaters that are not given cool down from there. None: a
-        number is a power that was constant for all t < 0, any other input is 0 for t < 0.
+        number, or the first of `LongOn`, is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given.keys() - {AMBIENT}:
@@ -178,15 +176,26 @@ def heating(
     every = [[dark] * rings]
     for k, (name, (rate, gain)) in enumerate(poles.items()):
         value = given.get(name, 0.0)
-        settled = float(value) / rate if hasattr(value, "__float__") else None
-        if settled is not None and (before is None or np.allclose(begin[k], settled, rtol=1e-12, atol=0)):
+        settled = _long_on(value) / rate
+        if before is None:
             begin[k] = settled
+        if hasattr(value, "__float__") and np.allclose(begin[k], settled, rtol=1e-12, atol=0):
             every.append([Pieces.constant(0.0, duration, rise) for rise in gain @ settled])
         else:
             every.append(rises(rate, gain, powers.get(name, dark), rtol, begin[k]))
     if AMBIENT in powers and AMBIENT not in poles:
         every.append([powers[AMBIENT]] * rings)
     return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
+
+
+class LongOn(list[Any]):
+    """A list of inputs, which add; its first one, a number, was there before t = 0."""
+
+
+def _long_on(value: Any) -> float:
+    """The part of an input that was there before t = 0 where nothing else is known: a number."""
+    constant = value[0] if isinstance(value, LongOn) else value
+    return float(constant) if hasattr(constant, "__float__") else 0.0
 
 
 def power_of(name: str, value: Any, duration: float) -> Pieces:
@@ -197,8 +206,7 @@ def power_of(name: str, value: Any, duration: float) -> Pieces:
     if name == AMBIENT:
         moved = pieces(AMBIENT, value, 0.0, float(duration))
         for kelvin in bounds(moved):
-            hint = "it is in kelvin above the ambient of the geometry"
-            checks.between(AMBIENT, kelvin, -LARGEST_AMBIENT, LARGEST_AMBIENT, unit="K", hint=hint)
+            heater_power(AMBIENT, kelvin)
         return moved
     hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
     found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
@@ -275,9 +283,8 @@ class ConstantHeating(NamedTuple):
 
     model: Compact
     rise: float
-    powers: dict[str, float]
     rest: Rest
-    """The same with all inputs and outputs."""
+    """The same with all inputs and outputs, and the powers."""
 
     def turned(self, ring: RingResonator) -> float:
         """Shift of the resonance frequency by the heaters, as an equivalent detuning in Hz."""
@@ -285,11 +292,8 @@ class ConstantHeating(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, float]:
-        """Powers of the heaters (W) and their temperature rise (K) as attributes of a Dataset."""
-        if not self.powers:
-            return {}
-        powers = {f"power_in_{name}": power for name, power in self.powers.items()}
-        return powers | self.rest.attributes | {"heater_rise": self.rise}
+        """Powers of the heaters (W), the ambient (K) and the temperature rise by both as attributes of a Dataset."""
+        return self.rest.attributes | {"heater_rise": self.rise} if self.rest.powers else {}
 
 
 def constant(
@@ -301,23 +305,19 @@ def constant(
 ) -> ConstantHeating:
     """Select the light's channel of a model and compute the steady temperature rise under constant heaters (W).
 
-        dT = dT_model + sum_h R_h P_h
+        dT = dT_model + sum_h R_h P_h + T_a
 
     Under a voltage or a current the model is the one around the heaters' own state, see `resistive_heaters`.
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
     found = channels(model, wanted, heaters, heated, read)
     rest = at_rest(model, checks.mapping("heaters", heaters))
-    powers = {name: heater_power(name, value) for name, value in rest.powers.items()}
-    rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
-    warm = found.model if rest.model is model else channels(rest.model, wanted, powers, heated, read).model
-    return ConstantHeating(warm, float(rise), powers, rest)
-
-
-def heater_power(name: str, value: Any) -> float:
-    """Check the constant power of a heater (W); InputError if it is no number or out of range."""
-    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
-    return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
+    gains = {AMBIENT: 1.0}
+    for name, transfer in found.transfers.items():
+        gains[name] = transfer.thermal_resistance
+    rise = sum(gains[name] * power for name, power in rest.powers.items())
+    warm = found.model if rest.model is model else channels(rest.model, wanted, rest.powers, heated, read).model
+    return ConstantHeating(warm, float(rise), rest)
 
 
 def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:

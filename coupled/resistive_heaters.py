@@ -1,9 +1,9 @@
 """Heaters driven by a voltage or a current, whose resistance follows their temperature, and their state at rest.
 
-    R_h = R_0 (1 + alpha dT_h),    P_h = V^2/R_h or I^2 R_h,    dT_h = sum_g Z_hg P_g + Z_hc P_abs + T_a
+    R_h = R_0 (1 + alpha dT_h),    P_h = V^2/R_h or I^2 R_h,    dT_h = sum_g Z_hg P_g + sum_c Z_hc P_c + T_a
 
 R_0 and alpha are those of the part in the geometry that the thermal model records. dT_h is an output of the model that
-it needs where alpha is not 0.
+it needs where alpha is not 0. P_c is the light absorbed by ring c, T_a the temperature of the ambient.
 
 Under constant drives the powers at rest in the dark are found by Newton's method. The light heats a heater by a few
 kelvin at most, and its power changes by dP/dT of that: the thermal model with A + b_h (dP_h/dT) c_h is linear again and
@@ -11,7 +11,6 @@ holds that feedback in its steady states and eigenvalues. What is left out is of
 `heater_loop` has drives in time.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
@@ -22,14 +21,21 @@ from scipy.sparse import issparse
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.geometry.resistor import Resistor
+from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 
 from .thermal import LARGEST, check_order, geometry_of
 
 LARGEST_DRIVE = 1e3  # V or A
+LARGEST_POWER = 10.0  # W
+LARGEST_AMBIENT = 250.0  # K, above or below the ambient of the geometry
 MOST_ITERATIONS = 50  # of Newton's method
 DIGITS = 1e-12  # of the rise, below which its last correction is
-READ_TOO = "a model that reads the heater, too (heat.channels(('core', 'heater'), ('core', 'heater')), reduce --read)"
+APART = 1e-5  # relative difference of equal rates, so that modes exist
+READ_TOO = (
+    "a model that reads the heater, too: heat.channels(('core', 'heater'), ('core', 'heater')), reduce --read, "
+    "surrogate.reduce_layout for a circuit"
+)
 
 
 @dataclass(frozen=True)
@@ -46,18 +52,11 @@ class Volts:
     ----------
     wave : float, Waveform, `coupled.Sweep`, or a list of them; V
         in `simulate` and `cosimulate`; elsewhere a number.
-
-    >>> Volts(1.2).power(1.2**2, 120.0)
-    0.012
     """
 
     wave: Any
     unit: ClassVar[str] = "V"
-    exponent: ClassVar[int] = -1
-
-    def power(self, square: Any, resistance: Any) -> Any:
-        """V^2/R in W, from V^2 and R."""
-        return square / resistance
+    exponent: ClassVar[int] = -1  # of R in the power
 
 
 @dataclass(frozen=True)
@@ -67,18 +66,11 @@ class Amperes:
     Parameters
     ----------
     wave : float, Waveform, `coupled.Sweep`, or a list of them; A
-
-    >>> Amperes(10e-3).power(10e-3**2, 120.0)
-    0.012
     """
 
     wave: Any
     unit: ClassVar[str] = "A"
     exponent: ClassVar[int] = 1
-
-    def power(self, square: Any, resistance: Any) -> Any:
-        """I^2 R in W, from I^2 and R."""
-        return square * resistance
 
 
 @dataclass(frozen=True)
@@ -94,7 +86,7 @@ class ResistiveHeater:
         resistance = self.resistor.resistance * (1 + self.resistor.tcr * rise)
         hint = f"at a rise of {np.max(np.abs(rise)):.4g} K; tcr = {self.resistor.tcr:g} 1/K does not reach that far"
         checks.positive(f"resistance of {self.name!r}", float(np.min(resistance)), unit="ohm", hint=hint)
-        return self.drive.power(square, resistance)
+        return square * resistance**self.drive.exponent
 
     def slope(self, power: float, rise: float) -> float:
         """dP/dT in W/K at a constant drive."""
@@ -118,24 +110,30 @@ class ResistiveHeater:
 def resistive_heaters(model: Any, heaters: Mapping[str, Any]) -> list[ResistiveHeater]:
     """Those heaters that a voltage or a current drives, with the resistances of their parts.
 
-    A heater of an array, such as "heater 2", has the resistance of its part "heater".
-    Raises InputError: a model that records no geometry, a part that is not heated or has no resistance.
+    A model of several rings or shapes records them by input, any other one by its geometry.
+    Raises InputError: a model that records neither, a part that is not heated or has no resistance.
     """
     driven = {name: drive for name, drive in heaters.items() if isinstance(drive, Volts | Amperes)}
     if not driven:
         return []
+    origin = getattr(bare(model), "origin", None) or {}
+    known = checks.mapping("resistors of the model", origin.get("resistors"))
+    return [ResistiveHeater(name, drive, _resistor(model, name, known.get(name))) for name, drive in driven.items()]
+
+
+def _resistor(model: Any, name: str, values: Any) -> Resistor:
+    """The resistor of an input: R_0 (ohm) and tcr (1/K) in ``values`` where they are recorded, or by the geometry."""
+    if values is not None:
+        pair = checks.array(f"resistor of {name!r} in the model", values)
+        checks.shape(f"resistor of {name!r} in the model", pair, (2,))
+        return Resistor(float(pair[0]), float(pair[1]), "recorded")
     text = geometry_of(model)
-    if not text:
-        raise checks.InputError(
-            f"heaters[{next(iter(driven))!r}]: the thermal model records no geometry, so no resistance is known",
-            "give its power in W, or a model that was made from a geometry with resistances",
-        )
-    section = CrossSection.from_toml_text(text)
-    found = []
-    for name, drive in driven.items():
-        part = name if name in section.heated else re.sub(r" \d+$", "", name)
-        found.append(ResistiveHeater(name, drive, section.resistor(part)))
-    return found
+    if text:
+        return CrossSection.from_toml_text(text).resistor(name)
+    raise checks.InputError(
+        f"heaters[{name!r}]: the thermal model records no geometry, so no resistance is known",
+        "give its power in W, or a model that was made from a geometry with resistances",
+    )
 
 
 class Rest(NamedTuple):
@@ -143,28 +141,41 @@ class Rest(NamedTuple):
 
     model: Any
     powers: dict[str, float]
+    """Of the heaters in W; the ambient in K."""
     sources: dict[str, float]
     """Powers (W) that put ``model`` into that state: P_h - (dP_h/dT) dT_h."""
     attributes: dict[str, float]
-    """Voltage (V) and current (A) of those that one of them drives."""
+    """Power (W) of every heater, voltage (V) and current (A) of those that one of them drives, ambient (K)."""
 
 
 def at_rest(model: Any, heaters: Mapping[str, Any]) -> Rest:
-    """Powers of heaters under constant drives; numbers among them are powers already.
+    """Powers of heaters under constant drives; numbers among them are powers already, or the ambient in K.
 
-    dT_h = sum_g R_hg P_g,    P_h = p_h(dT_h)
+    dT_h = sum_g R_hg P_g + T_a,    P_h = p_h(dT_h)
+
+    Raises InputError: as `resistive_heaters`, and a drive that is no number or out of range.
     """
-    found = resistive_heaters(model, heaters)
-    powers = {**heaters, **{one.name: float(one.power(one.square, 0.0)) for one in found}}
-    fed_back = [one for one in found if one.resistor.tcr]
+    resistive = resistive_heaters(model, heaters)
+    cold = {one.name: float(one.power(one.square, 0.0)) for one in resistive}
+    powers = {name: cold[name] if name in cold else heater_power(name, value) for name, value in heaters.items()}
+    fed_back = [one for one in resistive if one.resistor.tcr]
     sources = powers
     if fed_back:
         model, sources = _balanced(model, fed_back, powers)
-    attributes: dict[str, float] = {}
-    for one in found:
+    attributes = {AMBIENT if name == AMBIENT else f"power_in_{name}": value for name, value in powers.items()}
+    for one in resistive:
         volts, amperes = one.terminals(powers[one.name], np.asarray(one.square))
         attributes |= {f"voltage_of_{one.name}": float(volts), f"current_of_{one.name}": float(amperes)}
     return Rest(model, powers, sources, attributes)
+
+
+def heater_power(name: str, value: Any) -> float:
+    """Check the constant power of a heater (W) or the ambient (K); InputError if it is no number or out of range."""
+    if name == AMBIENT:
+        hint = "it is in kelvin above the ambient of the geometry"
+        return checks.between(AMBIENT, value, -LARGEST_AMBIENT, LARGEST_AMBIENT, unit="K", hint=hint)
+    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
+    return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
 
 
 def _balanced(
@@ -174,22 +185,49 @@ def _balanced(
     system = read_heaters(model, heaters)
     names = [heater.name for heater in heaters]
     rows = [system.outputs.index(name) for name in names]
-    gain = system.gain[np.ix_(rows, [system.inputs.index(name) for name in powers])]
-    across = gain[:, [list(powers).index(name) for name in names]]
+    inside = [name for name in powers if name in system.inputs]
+    gain = system.gain[np.ix_(rows, [system.inputs.index(name) for name in inside])]
+    across = gain[:, [inside.index(name) for name in names]]
+    at_once = 0.0 if AMBIENT in inside else powers.get(AMBIENT, 0.0)
     rise = np.zeros(len(heaters))
     slope = np.zeros(len(heaters))
     for _ in range(MOST_ITERATIONS):
         for k, heater in enumerate(heaters):
-            powers[heater.name] = float(heater.power(heater.square, rise[k]))
-            slope[k] = heater.slope(powers[heater.name], rise[k])
-        residual = gain @ [*powers.values()] - rise
+            powers[heater.name] = float(heater.power(heater.square, rise[k] + at_once))
+            slope[k] = heater.slope(powers[heater.name], rise[k] + at_once)
+        residual = gain @ [powers[name] for name in inside] - rise
         step = np.linalg.solve(np.eye(rise.size) - across * slope, residual)
         rise = rise + step
         if np.abs(step).max() <= DIGITS * max(1.0, np.abs(rise).max()):
             B = system.B[:, [system.inputs.index(name) for name in names]]
             sources = {name: powers[name] - a * dT for name, a, dT in zip(names, slope, rise, strict=True)}
-            return replace(system, A=system.A + (B * slope) @ system.C[rows]), {**powers, **sources}
+            return _fed_back(system, B * slope, system.C[rows]), {**powers, **sources}
     raise checks.InputError(f"heaters {', '.join(names)}: no steady temperature is found", "give a smaller drive")
+
+
+def _fed_back(system: StateSpace, B: Array, C: Array) -> StateSpace:
+    """The system with A + B C, by its modes where that is not symmetric, as of models of several rings.
+
+    Their rings and heaters may have equal rates. The states that heater m drives then run faster by m `APART`, which
+    keeps every static gain, so that the rates differ.
+    """
+    A = system.A + B @ C
+    if np.allclose(A, A.T, rtol=1e-9, atol=1e-12 * np.abs(A).max()):
+        return replace(system, A=A)
+    E = system.E.toarray() if issparse(system.E) else system.E
+    driving = B != 0
+    numbers = np.arange(1, len(C) + 1)
+    pace = 1 + APART * (driving @ numbers)[:, None]
+    flow = pace * np.linalg.solve(E, A)
+    inflow = pace * np.linalg.solve(E, system.B)
+    rates, modes = np.linalg.eig(flow)
+    turning = np.abs(rates.imag / rates).max()
+    hint = "drive all heaters alike, by voltages or by currents"
+    checks.between("frequency of a thermal mode with heaters", turning, 0, DIGITS, hint=hint)
+    modes = modes.real
+    inputs = np.linalg.solve(modes, inflow)
+    outputs = system.C @ modes
+    return replace(system, E=np.eye(rates.size), A=np.diag(rates.real), B=inputs, C=outputs)
 
 
 def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
@@ -197,14 +235,8 @@ def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
     system = bare(model)
     checks.instance("model", system, StateSpace, hint=f"a heater with a tcr needs {READ_TOO}")
     for one in heaters:
-        hint = f"its temperature changes its resistance; give {READ_TOO}, or tcr = 0"
-        checks.choice(f"output of the model for heater {one.name!r}", one.name, system.outputs, hint=hint)
+        if one.name not in system.outputs:
+            rule = f"the thermal model does not read {one.name!r}, whose temperature changes its resistance"
+            raise checks.InputError(rule, f"give {READ_TOO}, or tcr = 0")
     check_order(system.order, LARGEST)
     return replace(system, A=system.A.toarray()) if issparse(system.A) else system
-
-
-def check_constant(heaters: list[ResistiveHeater], what: str) -> None:
-    """Raise InputError for a heater whose resistance follows its temperature, which ``what`` cannot do."""
-    for one in heaters:
-        hint = f"{what} takes a constant resistance"
-        checks.between(f"tcr of {one.name!r}", one.resistor.tcr, 0, 0, unit="1/K", hint=hint)

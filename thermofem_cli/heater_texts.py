@@ -2,6 +2,7 @@
 
 import thermofem as th
 from thermofem.data import quantity
+from thermofem.geometry.resistor import known_resistor
 
 from .console import say
 
@@ -27,12 +28,10 @@ def say_sheets(heat: th.fem.HeatProblem) -> dict[str, dict[str, dict[str, float]
 
 def say_resistance(geometry: th.CrossSection, name: str) -> None:
     """Print the resistance of a heater and where it comes from, where it has one."""
-    part = next(part for part in geometry.parts if part.name == name)
-    if part.resistance is None and geometry.material_of(name).resistivity is None:
-        return
-    resistor = geometry.resistor(name)
-    tcr = f", tcr {resistor.tcr:g} 1/K" if resistor.tcr else ""
-    say(f"{name}: {quantity.rounded(resistor.resistance, 'ohm', 4)} ({resistor.origin}){tcr}")
+    resistor = known_resistor(geometry, name)
+    if resistor is not None:
+        tcr = f", tcr {resistor.tcr:g} 1/K" if resistor.tcr else ""
+        say(f"{name}: {quantity.rounded(resistor.resistance, 'ohm', 4)} ({resistor.origin}){tcr}")
 
 
 def _drive(sheet: dict[str, float], phase: str) -> str:

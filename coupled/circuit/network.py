@@ -16,7 +16,7 @@ Source: W. Suh, Z. Wang and S. Fan, IEEE J. Quantum Electron. 40, 1511 (2004).
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
@@ -191,6 +191,7 @@ class RingHeat:
     read [shape (N, N, K)]
     curvature [1/K]: of an output map, if each ring has its own model.
     crossed: whether rings heat each other. heaters: `Poles` by heater.
+    sensed: `Poles` from every input, rings first, to the temperatures ``sensors``, which the model reads, too.
     doubts: attribute of a result, where a ring reads another temperature than the model gives, or has another volume.
     """
 
@@ -201,6 +202,8 @@ class RingHeat:
     crossed: bool
     heaters: Mapping[str, Poles]
     doubts: Mapping[str, str]
+    sensors: Sequence[str] = ()
+    sensed: Mapping[str, Poles] = field(default_factory=dict)
 
     @property
     def thermal_resistance(self) -> Array:
@@ -222,7 +225,7 @@ def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]
     parts = getattr(model, "heated", model.inputs)
     several = isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(parts) > 1)
     if several and not (len(parts) == 1 and {*model.outputs} <= {*parts, LIGHT}):
-        return _of_array(model.of_rings(names), rings, names)
+        return _of_array(model, rings, names)
     drives = {AMBIENT: 0.0} if AMBIENT in model.inputs else {}
     picked = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
     models = [channel.model for channel in picked]
@@ -250,19 +253,21 @@ def _doubts(rings: Sequence[RingResonator], thermal: Any, ports: Sequence[tuple[
     return {"warning": "; ".join(warnings)} if warnings else {}
 
 
-def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Sequence[str]) -> RingHeat:
+def _of_array(system: StateSpace, resonators: Sequence[RingResonator], names: Sequence[str]) -> RingHeat:
     rings = len(names)
+    model = system.of_rings(names)
+    sensors = [name for name in system.outputs if name not in model.outputs]
     if len(model.outputs) != rings or len(model.inputs) < rings:
         raise checks.InputError(
             f"thermal has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {rings} rings; one "
             "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )
-    rate, B, C = _modes(model)
+    rate, B, C = _modes(model, system.C[[system.outputs.index(name) for name in sensors]])
     places = model.outputs
     if {*places} == {*names} and places == model.inputs[:rings]:
         order = [places.index(name) for name in names]
         B = B[:, [*order, *range(rings, len(model.inputs))]]
-        C = C[order]
+        C = C[[*order, *range(rings, len(C))]]
     elif places != tuple(f"ring {k + 1}" for k in range(rings)):
         log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(places), ", ".join(names))
     scale = np.abs(model.gain).max()
@@ -280,23 +285,30 @@ def _of_array(model: StateSpace, resonators: Sequence[RingResonator], names: Seq
     for j, k in enumerate(heated[:rings]):
         gain[j, : k.size] = B[k, j]
         rates[j, : k.size] = rate[k]
-        read[:, j, : k.size] = C[:, k]
+        read[:, j, : k.size] = C[:rings, k]
     heaters = {}
-    for name, b, k in zip(model.inputs[rings:], B.T[rings:], heated[rings:], strict=True):
-        heaters[name] = Poles(rate[k], C[:, k] * b[k])
+    sensed = {}
+    for name, b, k in zip((*names, *model.inputs[rings:]), B.T, heated, strict=True):
+        sensed[name] = Poles(rate[k], C[rings:, k] * b[k])
+        if name not in names:
+            heaters[name] = Poles(rate[k], C[:rings, k] * b[k])
     ports = list(zip(model.inputs[:rings], places, strict=True))
-    heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters, _doubts(resonators, model, ports))
+    doubts = _doubts(resonators, model, ports)
+    heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters, doubts, sensors, sensed)
     checks.positive("thermal: R_th of every ring", heat.thermal_resistance.min(), unit="K/W")
     return heat
 
 
-def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
-    """Decay rates (1/s), input matrix B and output matrix C in the eigenmodes of a small symmetric system."""
+def _modes(model: StateSpace, sensors: Array) -> tuple[Array, Array, Array]:
+    """Decay rates (1/s), input matrix B and output matrix C in the eigenmodes of a small symmetric system.
+
+    sensors: further rows of C.
+    """
     checks.integer("states of thermal", model.order, 1, MOST_STATES, hint="reduce it first (surrogate.reduce_array)")
     E = model.E.toarray() if hasattr(model.E, "toarray") else np.asarray(model.E, dtype=float)
     A = model.A.toarray() if hasattr(model.A, "toarray") else np.asarray(model.A, dtype=float)
     B = np.asarray(model.B, dtype=float)
-    C = np.asarray(model.C, dtype=float)
+    C = np.vstack([model.C, sensors])
     rates = -np.diag(A)
     modal = np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(-rates))
     if modal and rates.min() > 0:

@@ -11,15 +11,15 @@ from thermofem import checks, dataset
 from thermofem.arrays import Array, Complex
 
 from ..arguments import check_axis
-from ..heaters import heater_power
+from ..heaters import heating
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.rates import absorbed_power, field_loss, steady_carriers
 from ..kernel.tableaus import Method
-from ..resistive_heaters import at_rest, check_constant, resistive_heaters
+from ..resistive_heaters import at_rest
 from ..thermal import trusted
 from .circuit import Circuit
-from .network import Light, light_of
+from .network import Light, light_of, ring_heat
 from .run import as_dataset
 from .system import System, system_of
 
@@ -34,7 +34,7 @@ def circuit_steady_states(
     thermal: Any,
     power: Mapping[str, float],
     detuning: float = 0.0,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Mapping[str, Any] | None = None,
     starts: int = 100,
     seed: int = 0,
 ) -> xr.Dataset:
@@ -50,7 +50,8 @@ def circuit_steady_states(
     states = described(system, fixed_points(system, starts, seed))
     linear_rise = states["absorbed"].values * system.heat.thermal_resistance
     trusted(thermal, states["delta_T"].values, linear_rise)
-    return states.assign_attrs(system.heat.doubts)
+    rest = at_rest(thermal, checks.mapping("heaters", heaters))
+    return states.assign_attrs(system.heat.doubts, **rest.attributes)
 
 
 def fixed_points(system: System, starts: int, seed: int) -> list[Array]:
@@ -82,11 +83,7 @@ def autonomous(
     numbers = {f"power[{name!r}]": watts for name, watts in powers.items()} | {"detuning": detuning}
     for name, value in numbers.items():
         checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
-    drives = checks.mapping("heaters", heaters)
-    check_constant(resistive_heaters(thermal, drives), "a circuit")
-    heat = at_rest(thermal, drives).powers
-    for heater, watts in heat.items():
-        heater_power(heater, watts)
+    rest = at_rest(thermal, checks.mapping("heaters", heaters))
     if any(w.delay > 0 for w in circuit.waveguides):
         raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     names = [laser.name for laser in circuit.lasers]
@@ -97,7 +94,7 @@ def autonomous(
         raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
     lit_powers = {laser.name: powers.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
-    return system_of(alone, thermal, power=lit_powers, heaters=heat, detuning=detuning, duration=1.0)
+    return system_of(alone, rest.model, power=lit_powers, heaters=rest.sources, detuning=detuning, duration=1.0)
 
 
 def _fixed_point(system: System, problem: Problem, y: Array) -> Array | None:
@@ -205,10 +202,14 @@ def described(system: System, points: list[Array]) -> xr.Dataset:
     return states.assign_attrs(dataset.stamp("fixed points of a circuit"))
 
 
-def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
+def low_power_transmission(
+    circuit: Circuit, detuning: Any, power: Mapping[str, float] | None, thermal: Any, heaters: Mapping[str, Any]
+) -> xr.Dataset:
     """Linear transmission from one laser to every port as a Dataset over detuning, with phase and energies.
 
-    [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
+    [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i) - w_i dT_i
+
+    dT_i is the rise by constant heaters, w_i the `RingResonator.thermal_shift`.
     """
     nu = check_axis("detuning", detuning)
     names = [laser.name for laser in circuit.lasers]
@@ -222,11 +223,16 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "low power; steady_states finds fixed points at more"
         )
     k = names.index(next(iter(lit)))
+    rings = circuit.resonators
+    rest = at_rest(thermal, heaters)
+    poles = {} if thermal is None else ring_heat(thermal, rings, circuit.names).heaters
+    rises = heating(poles, rest.powers, 1.0, 1e-6, None, len(rings)).rises
+    warmed = np.array([ring.thermal_shift * float(rise(0.0)) for ring, rise in zip(rings, rises, strict=True)])
     light = light_of(circuit)
     waves = np.empty((len(circuit.ports), nu.size), dtype=complex)
     fields = np.empty((len(circuit.names), nu.size), dtype=complex)
     for column, frequency in enumerate((nu + circuit.lasers[k].offset).tolist()):
-        waves[:, column], fields[:, column] = _response(circuit, light.at(frequency), frequency, k)
+        waves[:, column], fields[:, column] = _response(circuit, light.at(frequency), frequency, k, warmed)
     by_port = ("port", "detuning")
     by_ring = ("ring", "detuning")
     return xr.Dataset(
@@ -240,13 +246,16 @@ def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, 
             "ring": list(circuit.names),
             "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
         },
+        attrs=rest.attributes,
     )
 
 
-def _response(circuit: Circuit, light: Light, detuning: float, k: int) -> tuple[Complex, Complex]:
+def _response(circuit: Circuit, light: Light, detuning: float, k: int, warmed: Array) -> tuple[Complex, Complex]:
     """Linear response to laser ``k`` with unit amplitude: waves at the ports and fields of the rings (sqrt(s)).
 
     The waves u at the starts of the delayed waveguides solve u = A a + B l + P u.
+
+    warmed [rad/s]: by which heaters lower the resonance of every ring.
     """
     late = slice(0, light.delay.size)
     A = light.seen_ring[late]
@@ -258,7 +267,7 @@ def _response(circuit: Circuit, light: Light, detuning: float, k: int) -> tuple[
     back = light.from_delay @ np.linalg.inv(around)
     frequency = float(circuit.frequency or 0) + detuning
     turn = 2 * np.pi * np.array([frequency - ring.frequency for ring in circuit.resonators])
-    alone = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * turn)
+    alone = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * (turn + warmed))
     entering = light.from_laser[:, k] + back @ B
     a = np.linalg.solve(alone - light.between - 1j * back @ A, 1j * entering)
     u = np.linalg.solve(around, A @ a + B)

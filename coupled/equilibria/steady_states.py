@@ -17,7 +17,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
-from ..heaters import ConstantHeating, constant
+from ..heaters import ConstantHeating, constant, with_ambient
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
@@ -153,7 +153,8 @@ def steady_states(
     *,
     power: Any,
     detuning: float = 0.0,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Mapping[str, Any] | None = None,
+    ambient: float | None = None,
     heated: str | None = None,
     read: str | None = None,
     starts: int = 100,
@@ -180,6 +181,8 @@ def steady_states(
         laser minus cold resonance, or minus the reference of a circuit.
     heaters : mapping of name to float, W, or to `Volts` or `Amperes`, optional
         constant drives of further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
+    ambient : float, K, optional
+        temperature of the ambient above that of the geometry: at rest all of it is in delta_T, whatever the model.
     starts, seed : int
         random starts of Newton's method in a circuit: no method is known that finds all its fixed points.
 
@@ -216,9 +219,10 @@ def steady_states(
     15.551 fJ, saddle
     21.217 fJ, unstable focus
     """
+    drives = with_ambient(heaters, ambient)
     if isinstance(ring, Circuit):
-        return circuit_steady_states(ring, model, power, detuning, heaters, starts, seed)
-    return resting(ring, model, power, detuning, heaters, heated, read).states
+        return circuit_steady_states(ring, model, power, detuning, drives, starts, seed)
+    return resting(ring, model, power, detuning, drives, heated, read).states
 
 
 class Resting(NamedTuple):

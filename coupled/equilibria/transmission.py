@@ -13,7 +13,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..heaters import constant, driving
+from ..heaters import constant, driving, with_ambient
 from ..kernel.rates import absorbed_power
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
@@ -43,7 +43,8 @@ def transmission(
     *,
     power: Any = None,
     detuning: float | ArrayLike,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Mapping[str, Any] | None = None,
+    ambient: float | None = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> xr.Dataset:
@@ -57,12 +58,12 @@ def transmission(
     ----------
     ring : RingResonator or Circuit
     model : ThermalModel
-        as for `steady_states`; none is needed for a circuit.
+        as for `steady_states`; a circuit needs it for heaters alone.
     power, detuning : float, or (first, last); W, Hz
         one of them a pair, the range of the curve. For a circuit ``detuning`` are all its detunings, increasing, and
         ``power`` names the laser, ``{"in": 1e-6}``; by default the first one.
-    heaters, heated, read : as of `steady_states`
-        of a ring.
+    heaters, ambient, heated, read : as of `steady_states`
+        the last two of a ring.
 
     Returns
     -------
@@ -70,7 +71,7 @@ def transmission(
         over point, along the curve from border to border of the range, up to 600: power, detuning, and all that
         `steady_states` gives, with regime "stable", "saddle", "unstable focus" or "unstable node".
         Of a circuit transmission (power at the port per power of the laser), phase (rad) by port, and energy (J per W)
-        by ring, over detuning, without carriers and heat.
+        by ring, over detuning, without carriers and without heat by the light.
 
     Raises
     ------
@@ -84,10 +85,9 @@ def transmission(
     >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.0f} GHz, {peak.regime.item()}")
     2.20 mW at -92 GHz, stable
     """
+    drives = with_ambient(heaters, ambient)
     if isinstance(ring, Circuit):
-        if heaters:
-            raise checks.InputError("heaters are for one ring; the transmission of a circuit at low power has no heat")
-        return low_power_transmission(ring, detuning, power)
+        return low_power_transmission(ring, detuning, power, model, drives)
     check_ring(ring)
     P, nu = _checked(power, detuning)
     swept = P if P.size > 1 else nu
@@ -96,7 +96,7 @@ def transmission(
             f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
             "the other one number"
         )
-    warm = constant(cast(ThermalModel, model), ring.read, heaters, heated, read)
+    warm = constant(cast(ThermalModel, model), ring.read, drives, heated, read)
     doubts = check_model(ring, model, warm.model, read)
     at = internal_ring(ring, warm.model, absorbable(ring, P[-1]))
     turned = warm.turned(ring)

@@ -18,7 +18,7 @@ from thermofem.models import ThermalModel
 from thermofem.ring_temperature import check_read, detuning_output
 
 from ..arguments import check_detuning, check_power, check_ring
-from ..heaters import heater_power
+from ..resistive_heaters import heater_power
 from ..resonator import RingResonator
 from ..thermal import check_geometry, geometry_of, mode_of
 from . import bundle, contents

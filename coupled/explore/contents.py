@@ -15,9 +15,10 @@ from .. import parameters
 from ..arguments import check_ring
 from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import hopf_curves
-from ..heaters import LARGEST_POWER, Channels, channels
+from ..heaters import Channels, channels
 from ..kernel.units import internal_rates
 from ..maps.hopf_plane import threshold_plane
+from ..resistive_heaters import LARGEST_POWER
 from ..resonator import RingResonator
 from ..thermal import Compact, as_read, without_origin
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_ring, check_run, detuning_in_time, power_in_time
-from ..heater_loop import HeaterLoop, absorbed, difference, heater_loop, relaxed
+from ..heater_loop import HeaterLoop, heater_loop, relaxed
 from ..heaters import heater_powers, power_of
 from ..inputs import Lights, last_change, pieces
 from ..resistive_heaters import resistive_heaters
@@ -123,7 +123,7 @@ def cosimulate(
         read = _read_output(ring, heat)
         drive = {"power": power, "detuning": detuning, "duration": duration, "rtol": rtol}
         electric = _electric(ring, heat, known, initial, read, drive)
-        powers = known if electric is None else electric.powers
+        powers = known if electric is None else electric[1]
         known = {name: _over(name, power, duration) for name, power in powers.items()}
         corrector: Any = FEM(
             heat, read=read, heaters=known, max_discrepancy=max_discrepancy, field_times=kept
@@ -157,7 +157,9 @@ def cosimulate(
             progress(loop.time)
     data = _dataset(ring, light, loop, parts, duration).assign_attrs(doubts)
     if electric is not None:
-        data = electric.loop.described(data).assign_attrs(heater_change=electric.change(data))
+        loop_of_heaters, powers = electric
+        _, change = loop_of_heaters.change(powers, data)
+        data = loop_of_heaters.described(data).assign_attrs(heater_change=change)
     return data if initial is None else data.assign_attrs(initial="given")
 
 
@@ -175,25 +177,12 @@ def _read(model: Compact, state: State) -> float:
     return float(model.of(x.sum())) if isinstance(model, OutputMap) else float(x.sum())
 
 
-class Electric(NamedTuple):
-    """Heaters of a co-simulation under a voltage or a current: their loop, and their powers in W."""
-
-    loop: HeaterLoop
-    powers: dict[str, Any]
-
-    def change(self, data: xr.Dataset) -> float:
-        """Largest relative change of a power by the light that the co-simulation absorbed."""
-        if not self.loop.fed_back:
-            return 0.0
-        after = self.loop.powers(absorbed(data, self.loop.duration))
-        return max(difference(after[one.name], self.powers[one.name]) for one in self.loop.fed_back)
-
-
 def _electric(
     ring: RingResonator, heat: Any, heaters: Any, initial: Any, read: str, drive: dict[str, Any]
-) -> Electric | None:
-    """Powers of heaters under a voltage or a current; with a tcr by runs of `simulate` with a reduction of the FEM.
+) -> tuple[HeaterLoop, dict[str, Any]] | None:
+    """The loop and the powers of heaters under a voltage or a current; None without such heaters.
 
+    With a tcr the powers are those of runs of `simulate` with a reduction of the FEM.
     Raises InputError: a tcr of matrices without geometry, with k(T) or with an initial state.
     """
     resistive = resistive_heaters(heat, heaters)
@@ -201,7 +190,7 @@ def _electric(
         return None
     if not any(one.resistor.tcr for one in resistive):
         loop = heater_loop(ring, heat, resistive, heaters, drive["duration"], drive["rtol"])
-        return Electric(loop, loop.powers())
+        return loop, loop.powers()
     if not isinstance(heat, HeatProblem) or heat.nonlinear or initial is not None:
         rule = "heaters with a tcr need a HeatProblem with constant k and c_p, from cold"
         raise checks.InputError(rule, "give tcr = 0, or their power in W")
@@ -210,7 +199,7 @@ def _electric(
     small = krylov(system).reduced(system)
     loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"])
     powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, **drive))
-    return Electric(loop, powers)
+    return loop, powers
 
 
 def _over(name: str, value: Any, duration: float) -> Any:

@@ -14,11 +14,11 @@ from thermofem.models import ThermalModel
 from ..arguments import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
 from ..circuit.run import run_circuit
-from ..heater_loop import heater_loop, passes_of, relaxed
+from ..heater_loop import PASSES, heater_loop, relaxed
 from ..heaters import Poles, channels, heater_powers, heating, with_ambient
 from ..inputs import Input
 from ..kernel.tableaus import Method
-from ..resistive_heaters import check_constant, resistive_heaters
+from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import attributes, check_model, dense_times, trusted
@@ -155,13 +155,11 @@ def simulate(
             "initial": initial, "event": event, "ambient": ambient, "heated": heated, "read": read, "lasers": lasers,
             "average": average, "progress": progress,
         }  # fmt: skip
-        if isinstance(ring, Circuit):
-            check_constant(resistive, "a circuit")
         loop = heater_loop(ring, model, resistive, drives, duration, rtol, heated, read, initial)
         pass_times = None if loop.fed_back else times
         powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=pass_times, **alike))
         if pass_times is not times:
-            passes = passes_of(driven)
+            passes = {name: driven.attrs[name] for name in PASSES}
             driven = simulate(ring, model, heaters=powers, times=times, **alike).assign_attrs(passes)
         return loop.described(driven)
     if isinstance(ring, Circuit):

@@ -30,6 +30,7 @@ from scipy.sparse import diags
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
+from thermofem.geometry.resistor import known_resistor, recorded
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
@@ -180,7 +181,7 @@ def reduce_array(
     ]
     model, bounds, poles = _assembled(sources, rings, names)
     return ArrayReduction(
-        model=replace(model, origin=_origin(rings)),
+        model=replace(model, origin=_origin(rings, names)),
         positions=centres,
         error_bound=float(bounds.max()),
         channel_bounds=bounds,
@@ -192,10 +193,15 @@ def reduce_array(
     ).recorded()
 
 
-def _origin(rings: RingKinds) -> dict[str, Any]:
-    """Geometry of the rings, one after the other where they differ, and the accuracy of their meshes."""
+def _origin(rings: RingKinds, heaters: Sequence[str]) -> dict[str, Any]:
+    """Geometry of the rings, one after the other where they differ, accuracy of their meshes, resistances."""
     toml = [kind.heat.geometry.to_toml() for kind in rings.kinds]
-    return {"geometry": "\n".join(toml), "mesh_accuracy": max(kind.heat.accuracy for kind in rings.kinds)}
+    resistors = {}
+    for part in heaters:
+        for k, g in enumerate(rings.of.tolist()):
+            resistors[f"{part} {k + 1}"] = known_resistor(rings.kinds[g].heat.geometry, part)
+    accuracy = max(kind.heat.accuracy for kind in rings.kinds)
+    return {"geometry": "\n".join(toml), "mesh_accuracy": accuracy, "resistors": recorded(resistors)}
 
 
 @dataclass(frozen=True, eq=False)

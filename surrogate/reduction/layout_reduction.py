@@ -36,6 +36,7 @@ from scipy.optimize import nnls
 
 from thermofem import InputError, Shape, StateSpace, checks
 from thermofem.arrays import Array, Complex
+from thermofem.geometry.resistor import known_resistor, recorded
 
 from .array_reduction import ArrayReduction, diagonal_system, is_passive
 from .certified_space import Indices
@@ -95,7 +96,14 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
         raise InputError(f"tolerance = {tolerance:g} is out of reach: the poles leave {worst:.1e}; loosen it")
     bounds = poles.error + error / reference
     model = _model(poles.rate, poles.residue, [shape.name for shape in shapes])
-    origin = {"geometry": shapes[0].section.to_toml(), "mesh_accuracy": SECTION * tolerance}
+    resistors = {}
+    for shape in shapes:
+        resistors[shape.name] = known_resistor(shape.section, str(shape.part), shape.length, shape.width)
+    origin = {
+        "geometry": shapes[0].section.to_toml(),
+        "mesh_accuracy": SECTION * tolerance,
+        "resistors": recorded(resistors),
+    }
     return ArrayReduction(
         model=replace(model, origin=origin),
         positions=np.array([shape.centre for shape in shapes]),

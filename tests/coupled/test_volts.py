@@ -222,7 +222,7 @@ BAD = {
         ("records no geometry",),
     ),
     "not heated": (pair(), {"box": coupled.Volts(1.0)}, ("box", "unknown")),
-    "not read": (pair(read=("core",)), {"heater": coupled.Volts(1.0)}, ("'heater'", "read")),
+    "not read": (pair(read=("core",)), {"heater": coupled.Volts(1.0)}, ("does not read 'heater'", "tcr = 0")),
     "R below zero": (
         pair(PLAIN.with_({"part.heater.tcr": -20e-3})),
         {"heater": coupled.Volts(4.0)},
@@ -245,10 +245,10 @@ def test_bad_drives_are_named_in_one_line(fault, function):
     assert "\n" not in message
 
 
-def test_a_circuit_refuses_what_it_cannot_follow():
+def test_an_array_that_does_not_read_its_heaters_is_named():
     heat = th.assemble(WARM.with_(outer_radius=120e-6).opened(), accuracy=1e-2)
     array = surrogate.reduce_array(heat, [(0, 0), (25e-6, 0)], heaters=("heater",), tolerance=1e-2)
     drive = {"power": {"in": 1e-4}, "heaters": {"heater 1": coupled.Volts(1.0)}}
     for function in (coupled.simulate, coupled.steady_states):
-        with pytest.raises(th.InputError, match="tcr of 'heater 1'"):
+        with pytest.raises(th.InputError, match=r"does not read 'heater 1'.*reduce_layout"):
             function(coupled.bus([RING, RING]), array, **drive)

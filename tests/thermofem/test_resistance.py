@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,6 +50,20 @@ def test_a_ring_is_as_long_as_its_mean_circumference():
     radii = np.linspace(part.inner_radius, part.outer_radius, 1001)
     expected = 1e-6 * np.trapezoid(2 * np.pi * radii, radii) / (radii[-1] - radii[0]) / area
     assert section.resistor("heater").resistance == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_racetrack_has_the_straights_and_the_radius_of_the_heater_itself():
+    """2 pi R + 2 straight, R that of a heater beside the core; the origin says which L."""
+    outside = {"part.heater.inner_radius": 9e-6, "part.heater.outer_radius": 11e-6}
+    section = RING.with_({**outside, "material.TiN.resistivity": "1e-6 ohm*m"})
+    part = next(part for part in section.parts if part.name == "heater")
+    area = 2e-6 * part.height
+    circle = section.resistor("heater")
+    assert circle.resistance == pytest.approx(1e-6 * 2 * np.pi * 10e-6 / area, rel=1e-9)
+    assert "L = 62.8319 um = 2 pi x 10 um, at its own mean radius" in circle.origin
+    racetrack = replace(section, straight=8e-6).resistor("heater")
+    assert racetrack.resistance == pytest.approx(1e-6 * (2 * np.pi * 10e-6 + 16e-6) / area, rel=1e-9)
+    assert "2 pi x 10 um + 2 x 8 um" in racetrack.origin
 
 
 def test_a_geometry_file_keeps_resistances():

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from scipy.constants import c
 
 from .. import checks
+from ..geometry.resistor import known_resistor
 
 if TYPE_CHECKING:
     from .heat_problem import HeatProblem
@@ -42,10 +43,9 @@ def heater_sheet(heat: HeatProblem, heater: str | None = None) -> dict[str, floa
         "pi_power": free_spectral_range / shift / 2,
         "fsr_power": free_spectral_range / shift,
     }
-    part = next(part for part in heat.geometry.parts if part.name == heater)
-    if part.resistance is None and heat.geometry.material_of(heater).resistivity is None:
+    resistor = known_resistor(heat.geometry, heater)
+    if resistor is None:
         return sheet
-    resistor = heat.geometry.resistor(heater)
     self_heating = heat.thermal_resistance(heater)
     sheet["resistance"] = resistor.resistance
     for phase in ("pi", "fsr"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,12 +29,16 @@ class Resistor:
     origin: str
 
 
-def resistor_of(geometry: CrossSection, name: str) -> Resistor:
-    """The resistance of a part, its own or R = rho L/(w h) along the ring or guide.
+def known_resistor(
+    geometry: CrossSection, name: str, length: float | None = None, width: float | None = None
+) -> Resistor | None:
+    """The resistance of a heated part, its own or R = rho L/(w h) along it; None where neither it nor rho is given.
 
-    L is the mean circumference of a ring, all of it, or the length of a straight section; w is the width at half
-    height. Contacts and a gap in the ring are not part of it.
-    Raises InputError: a part that is not heated, or one without resistance whose material has no resistivity.
+    L is the line at the part's own mean radius, with the straights of a racetrack, or the length of a straight section;
+    w is the width at half height. Contacts and a gap in the ring are not part of it.
+
+    length, width [m]: L and w of a shape that is drawn in the plane of a chip.
+    Raises InputError: a part that is not heated.
     """
     checks.choice("heater", name, geometry.heated)
     part = next(part for part in geometry.parts if part.name == name)
@@ -41,16 +46,35 @@ def resistor_of(geometry: CrossSection, name: str) -> Resistor:
         return Resistor(part.resistance, part.tcr, "given")
     resistivity = geometry.material_of(name).resistivity
     if resistivity is None:
-        raise checks.InputError(
-            f"part {name!r} has no resistance, and {part.material} no resistivity",
-            f'give resistance = "120 ohm" to the part, or resistivity = "4.3e-7 ohm*m" in [material.{part.material}]',
-        )
-    width = part.outer_radius - part.inner_radius
-    length = geometry.length
+        return None
+    along = "of the guide" if length is None else "of the shape"
+    length = length or geometry.length
     if length is None:
-        length = geometry.path_length((part.inner_radius + part.outer_radius) / 2)
-    origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)}"
-    return Resistor(resistivity * length / (width * part.height), part.tcr, origin)
+        radius = (part.inner_radius + part.outer_radius) / 2
+        length = geometry.path_length(radius)
+        straights = f" + 2 x {quantity.rounded(geometry.straight, 'm', 6)}" if geometry.straight else ""
+        along = f"= 2 pi x {quantity.rounded(radius, 'm', 6)}{straights}, at its own mean radius"
+    width = width or part.outer_radius - part.inner_radius
+    resistance = resistivity * length / (width * part.height)
+    origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)} {along}"
+    return Resistor(resistance, part.tcr, origin)
+
+
+def resistor_of(geometry: CrossSection, name: str) -> Resistor:
+    """As `known_resistor`; InputError where the part has no resistance and its material no resistivity."""
+    resistor = known_resistor(geometry, name)
+    if resistor is None:
+        material = geometry.material_of(name).name
+        raise checks.InputError(
+            f"part {name!r} has no resistance, and {material} no resistivity",
+            f'give resistance = "120 ohm" to the part, or resistivity = "4.3e-7 ohm*m" in [material.{material}]',
+        )
+    return resistor
+
+
+def recorded(resistors: Mapping[str, Resistor | None]) -> dict[str, list[float]]:
+    """R_0 in ohm and tcr in 1/K of the inputs of a model of several rings or shapes, as its ``origin`` keeps them."""
+    return {name: [one.resistance, one.tcr] for name, one in resistors.items() if one is not None}
 
 
 def check_resistors(geometry: CrossSection) -> None:

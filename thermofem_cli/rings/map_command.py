@@ -190,7 +190,7 @@ def draw_map(
     states = getattr(thermal, "order", None)
     size = f" with {states} states" if isinstance(states, int) else ""
     words = [ring.name, f"{type(thermal).__name__}{size}, R_th = {thermal.thermal_resistance / 1e3:.4g} K/mW"]
-    words += [f"{name} at {quantity.rounded(power, 'W', 4)}" for name, power in warmed.powers.items()]
+    words += [f"{name} at {quantity.rounded(power, 'W', 4)}" for name, power in warmed.rest.powers.items()]
     title = ", ".join(words)
     save_figure(plot_maps({title: found}, show=show, hopf={title: hopf}, folds={title: folds})[0, 0], path)
 
