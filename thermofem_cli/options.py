@@ -54,6 +54,16 @@ Detuning = Annotated[
 ]
 Powers = Annotated[str, typer.Option("--power", help="First and last power in the bus waveguide.")]
 Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser minus cold resonance.")]
+PowersAbout = Annotated[
+    str | None,
+    typer.Option(
+        "--power", help="First and last power; default: from half the lowest one of the Hopf curve to 5 times."
+    ),
+]
+DetuningsAbout = Annotated[
+    str | None,
+    typer.Option("--detuning", help="First and last laser minus cold resonance; default: those of the Hopf curve."),
+]
 Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
 Duration = Annotated[str, typer.Option(help="Length of the run, from a cold start.")]
 Rtol = Annotated[float, typer.Option(help="Relative error of the integration.")]

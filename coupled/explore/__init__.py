@@ -128,14 +128,14 @@ def explore(
     own = [] if models is None else contents.models_of(given, parts)
     every = [*given.values()] if family is None else [family, *given.values()]
     check_geometry(ring, every[0] if heat is None else heat)
-    for model in every:
-        small = contents.channels_of(_middle(model) if model is family else model, parts).model
+    compacts = [contents.channels_of(_middle(model) if model is family else model, parts).model for model in every]
+    for model, small in zip(every, compacts, strict=True):
         check_read(
             ring, geometry_of(model), *small.inputs, *small.outputs, mode=mode_of(model), chosen=read is not None
         )
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
-    rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE)
+    rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE, compacts[0])
     low, high = rings[0]["window"]["power"]
     level = min(max(8.0, low), high) if power is None else 10 * math.log10(check_power(power) / 1e-3)
     start = {

@@ -17,6 +17,7 @@ from ..cycles.cycle_folds import cycle_fold_curves
 from ..equilibria.bifurcation_curves import hopf_curves
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..kernel.units import internal_rates
+from ..maps.hopf_plane import threshold_plane
 from ..resonator import RingResonator
 from ..thermal import Compact, as_read, without_origin
 
@@ -186,18 +187,19 @@ def curves_of(ring: RingResonator, model: Compact, window: Window) -> list[list[
     return out
 
 
-def rings_of(ring: RingResonator, resistance: float) -> list[dict[str, Any]]:
+def rings_of(ring: RingResonator, resistance: float, model: Compact | None = None) -> list[dict[str, Any]]:
     """Return the rings of the page, fields in SI: the given one first, then the published ones that differ from it.
 
-    A ring that has the name of a published one but other numbers is called "(changed)". resistance [K/W]: that of the
-    model that is shown first; within a factor of 3 of 8e3 K/W, a published ring gets the window of its paper.
+    A ring that has the name of a published one but other numbers is called "(changed)". model: the one that is shown
+    first; its Hopf curve sets the window of the given ring. resistance [K/W]: that of the model; within a factor of 3
+    of 8e3 K/W, a published ring gets the window of its paper.
     """
     check_ring(ring)
 
     def described(one: RingResonator, window: Window) -> dict[str, Any]:
         return ring_data(one) | {"python": repr(one), "window": window}
 
-    given = described(ring, window_of(ring, resistance))
+    given = described(ring, window_about(ring, resistance, model))
     known = [described(*each) for each in published()]
     usual = 0.3 < resistance / RESISTANCE < 3
     others = [other for other in known if not same_numbers(given, other)]
@@ -242,6 +244,26 @@ def _same(a: Any, b: Any) -> bool:
     if isinstance(a, int | float) and isinstance(b, int | float):
         return math.isclose(a, b, rel_tol=1e-12)
     return bool(a == b)
+
+
+def window_about(ring: RingResonator, resistance: float, model: Compact | None) -> Window:
+    """Return the window of `window_of`, moved and widened so that it shows the Hopf curve of a model, if it has one.
+
+    Powers: as `threshold_plane`, whose lower end lies 3 dB below the threshold. Detunings: up to the end of the curve.
+    """
+    window = window_of(ring, resistance)
+    if model is None:
+        return window
+    threshold = threshold_plane(as_read(ring, model), without_origin(model))
+    if threshold is None:
+        return window
+    least, highest = [10 * math.log10(power / 1e-3) for power in threshold.window.powers]
+    width = ring.linear_rate / math.pi
+    first, last = window["detuning"]
+    before = (threshold.lowest.detuning - width) / 1e9
+    end = threshold.window.detunings[1] / 1e9
+    detunings = (min(first, float(f"{before:.2g}")), max(last, float(f"{end:.2g}")))
+    return {"power": (float(math.floor(least)), float(math.ceil(highest))), "detuning": detunings}
 
 
 def window_of(ring: RingResonator, resistance: float) -> Window:

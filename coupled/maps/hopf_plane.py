@@ -13,6 +13,7 @@ from ..resonator import RingResonator
 LOWEST_POWER, HIGHEST_POWER = 1e-8, 1.0  # W, between which the curve is looked for
 LINEWIDTHS = 10.0  # on either side of the cold resonance
 TIMES_THRESHOLD = 5.0  # the highest power of the plane; the paper's maps reach that much above their threshold
+BELOW_THRESHOLD = 0.5  # the lowest power of a plane that shows the threshold, as a share of it
 MARGIN = 0.1  # of the plane's detunings beyond the curve
 
 
@@ -31,6 +32,13 @@ class Window(NamedTuple):
     detunings: tuple[float, float]
 
 
+class Threshold(NamedTuple):
+    """Where self-pulsing begins, and a plane of which it is an inner point."""
+
+    lowest: HopfPoint
+    window: Window
+
+
 def lowest_hopf(ring: RingResonator, model: ThermalModel) -> HopfPoint | None:
     """Return the point of least power on the Hopf curves that bound a stable region; None where there is none.
 
@@ -39,11 +47,8 @@ def lowest_hopf(ring: RingResonator, model: ThermalModel) -> HopfPoint | None:
 
     Raises InputError: as `hopf_curves`.
     """
-    curve = _leading(ring, model)
-    if not curve.sizes["point"]:
-        return None
-    lowest = curve.isel(point=int(np.argmin(curve["power"].values)))
-    return HopfPoint(lowest["power"].item(), lowest["detuning"].item(), lowest["frequency"].item())
+    threshold = threshold_plane(ring, model)
+    return None if threshold is None else threshold.lowest
 
 
 def hopf_plane(ring: RingResonator, model: ThermalModel) -> Window | None:
@@ -51,17 +56,31 @@ def hopf_plane(ring: RingResonator, model: ThermalModel) -> Window | None:
 
     Raises InputError: as `hopf_curves`.
     """
+    threshold = threshold_plane(ring, model)
+    if threshold is None:
+        return None
+    _, highest = threshold.window.powers
+    return Window((threshold.lowest.power, highest), threshold.window.detunings)
+
+
+def threshold_plane(ring: RingResonator, model: ThermalModel) -> Threshold | None:
+    """Return the lowest Hopf point and the plane of `hopf_plane` from `BELOW_THRESHOLD` of its power on; None without.
+
+    Raises InputError: as `hopf_curves`.
+    """
     curve = _leading(ring, model)
     if not curve.sizes["point"]:
         return None
     power = curve["power"].values
-    least = float(power.min())
-    highest = TIMES_THRESHOLD * least
+    point = curve.isel(point=int(np.argmin(power)))
+    lowest = HopfPoint(point["power"].item(), point["detuning"].item(), point["frequency"].item())
+    highest = TIMES_THRESHOLD * lowest.power
     detunings = curve["detuning"].values[power <= highest]
     first = float(detunings.min())
     last = float(detunings.max())
     margin = MARGIN * (last - first)
-    return Window((least, highest), (first - margin, last + margin))
+    powers = (BELOW_THRESHOLD * lowest.power, highest)
+    return Threshold(lowest, Window(powers, (first - margin, last + margin)))
 
 
 def _leading(ring: RingResonator, model: ThermalModel) -> xr.Dataset:

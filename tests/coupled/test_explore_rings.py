@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 
 import coupled
+import surrogate
 import thermofem as th
 from coupled.explore.contents import RESISTANCE, published, same_numbers, window_of
 from coupled.resonator import PUBLISHED
@@ -15,6 +17,7 @@ from thermofem_cli.command_files import ring_of
 
 MODEL = th.Foster(R=[2e3, 2e3], tau=[1e-7, 15e-6])  # has no folds of cycles, which a page takes seconds for
 LOSSY = replace(coupled.borghi2021(), loss_rate=9e9).with_lumped_fcd()  # bears the name of the published ring
+EXPERIMENT = surrogate.second_order(**asdict(coupled.parameters.SECOND_ORDER_EXPERIMENT))
 NAMES = ["Borghi 2021", "Borghi 2021, lumped FCD", "Van Vaerenbergh 2012"]
 
 
@@ -35,8 +38,37 @@ def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
     first = data["rings"][0]
     assert first["loss_rate"] == 9e9
     assert first["name"] == data["title"] == "Borghi 2021, lumped FCD (changed)"
-    assert first["window"] == {name: list(ends) for name, ends in window_of(LOSSY, MODEL.thermal_resistance).items()}
     assert [ring["name"] for ring in data["rings"][1:]] == NAMES
+
+
+@pytest.mark.parametrize("quality", [2e4, 2e6])
+def test_the_plane_of_a_ring_shows_where_it_begins_to_pulse(quality):
+    """The threshold is that of the curve on a wide plane: -6.8 dBm at 5.3 GHz, and -34.6 dBm at 0.23 GHz."""
+    ring = _of_quality(quality)
+    curves = coupled.hopf_curves(ring, EXPERIMENT, [1e-8, 1.0], [-20e9, 20e9])
+    leading = [curve.isel(point=curve["leading"].values) for curve in curves]
+    level, detuning = min((point for curve in leading for point in _points(curve)), default=None)
+    window = data_of(ring, {"m": EXPERIMENT})["rings"][0]["window"]
+    assert window["power"][0] < level - 3 < level < window["power"][1]
+    assert window["detuning"][0] < 0 < detuning < window["detuning"][1]
+
+
+def _of_quality(quality):
+    """The ring of the paper with its coupling and its loss scaled to a loaded Q."""
+    paper = coupled.borghi2021()
+    share = paper.omega / (2 * quality) / paper.linear_rate
+    return replace(paper, bus_rate=share * paper.bus_rate, loss_rate=share * paper.loss_rate)
+
+
+def _points(curve):
+    """Powers in dBm and detunings in GHz of a curve."""
+    return zip(10 * np.log10(curve["power"].values / 1e-3), curve["detuning"].values / 1e9, strict=True)
+
+
+def test_a_ring_without_a_hopf_curve_has_the_plane_of_its_widths():
+    ring = _of_quality(2e3)
+    window = data_of(ring, {"m": EXPERIMENT})["rings"][0]["window"]
+    assert window == {name: list(ends) for name, ends in window_of(ring, EXPERIMENT.thermal_resistance).items()}
 
 
 @pytest.mark.parametrize("ring", [ring for ring, _ in published()], ids=lambda ring: ring.name)

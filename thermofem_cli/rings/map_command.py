@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -12,7 +12,7 @@ import coupled
 import thermofem as th
 from coupled import RingResonator
 from coupled.heaters import constant
-from coupled.maps.hopf_plane import hopf_plane
+from coupled.maps.hopf_plane import threshold_plane
 from coupled.ring_from import tuning
 from coupled.thermal import as_read, without_origin
 from thermofem.data import quantity
@@ -23,6 +23,16 @@ from ..console import note, say, watched, working, written, wrote
 from ..drive_texts import grid, steady_heaters
 
 
+class AxisTexts(NamedTuple):
+    """First and last power and detuning of a plane, as the options take them."""
+
+    power: str
+    detuning: str
+
+
+PAPER_PLANE = AxisTexts("3 dBm, 10 dBm", "-30 GHz, 30 GHz")
+
+
 def map_(
     context: typer.Context,
     model: options.Model,
@@ -30,8 +40,8 @@ def map_(
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
-    power: options.Powers = "3 dBm, 10 dBm",
-    detuning: options.Detunings = "-30 GHz, 30 GHz",
+    power: options.Powers = PAPER_PLANE.power,
+    detuning: options.Detunings = PAPER_PLANE.detuning,
     points: options.Points = "20, 20",
     duration: Annotated[
         str | None, typer.Option(help="Length of a run from a cold ring; without it, settled cycles.")
@@ -65,6 +75,8 @@ def map_(
         )
     if figure:
         draw_map(found, figure, ("regime", "frequency", "duty"), resonator, thermal, powers, parts)
+    if not _shows_threshold(found):
+        _note_options(_threshold_axes(resonator, thermal, powers, parts))
     return _written(found, output, figure, resonator, thermal, parts)
 
 
@@ -82,27 +94,40 @@ def _written(
     points = dict(zip(map(str, names), map(int, counts), strict=True))
     say(", ".join(f"{count} {name}" for name, count in points.items()))
     thresholds = say_thresholds(found)
-    lowest = found["power"].values[0]
-    if thresholds["self-pulsing"] in (None, lowest) and "heater_rise" not in found.attrs:
-        _note_lowest_hopf(ring, model, parts)
     numbers = {"thresholds": thresholds, **say_tuning(ring, model, **parts)}
     wrote(output, figure)
     return {"points": points, **numbers, "map": output, "figure": figure}
 
 
-def _note_lowest_hopf(ring: RingResonator, model: th.models.ThermalModel, parts: dict[str, Any]) -> None:
-    """Print where the Hopf curve of a ring begins, and the options of a map of the plane about it."""
-    warmed = constant(model, ring.read, None, **parts)
-    plane = hopf_plane(as_read(ring, warmed.model), without_origin(warmed.model))
-    if plane is None:
+def _shows_threshold(found: xr.Dataset) -> bool:
+    """Whether a map has self-pulsing, and not at its lowest power already."""
+    pulsing = (found["regime"] == "self-pulsing").any("detuning").values
+    return bool(pulsing.any() and not pulsing[0])
+
+
+def _note_options(plane: AxisTexts | None) -> None:
+    """Print the options of a map of a plane."""
+    if plane is not None:
+        note(f'--power "{plane.power}" --detuning "{plane.detuning}" maps the plane about it')
+
+
+def _threshold_axes(
+    ring: RingResonator, model: th.models.ThermalModel, heaters: dict[str, Any], parts: dict[str, Any]
+) -> AxisTexts | None:
+    """Return the axes of the plane about the lowest Hopf point, which is printed; None where there is no Hopf curve."""
+    warmed = constant(model, ring.read, heaters, **parts)
+    threshold = threshold_plane(as_read(ring, warmed.model), without_origin(warmed.model))
+    if threshold is None:
         note("the ring has no Hopf curve with this model, at any power up to 1 W")
-        return
-    low, high = plane.powers
-    first, last = plane.detunings
-    start = f"the Hopf curve begins at {quantity.rounded(low, 'W')} ({10 * math.log10(low / 1e-3):.2f} dBm)"
-    powers = f'--power "{quantity.rounded(low, "W")}, {quantity.rounded(high, "W")}"'
-    detunings = f'--detuning "{quantity.rounded(first, "Hz")}, {quantity.rounded(last, "Hz")}"'
-    note(f"{start}; {powers} {detunings} maps the plane about it")
+        return None
+    turned = warmed.turned(ring)
+    lowest, window = threshold
+    level = 10 * math.log10(lowest.power / 1e-3)
+    place = quantity.rounded(lowest.detuning - turned, "Hz")
+    note(f"the Hopf curve begins at {quantity.rounded(lowest.power, 'W')} ({level:.2f} dBm), at {place}")
+    powers = [quantity.rounded(power, "W") for power in window.powers]
+    detunings = [quantity.rounded(detuning - turned, "Hz") for detuning in window.detunings]
+    return AxisTexts(", ".join(powers), ", ".join(detunings))
 
 
 def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
@@ -176,8 +201,8 @@ def stability(
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
-    power: options.Powers = "3 dBm, 10 dBm",
-    detuning: options.Detunings = "-30 GHz, 30 GHz",
+    power: options.PowersAbout = None,
+    detuning: options.DetuningsAbout = None,
     points: options.Points = "100, 100",
     figure: options.Figure = None,
     output: options.Output = Path("stability.nc"),
@@ -185,12 +210,24 @@ def stability(
     """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
-    axes = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, heated, read, powers)
+    ends = AxisTexts(power or PAPER_PLANE.power, detuning or PAPER_PLANE.detuning)
+    grid(resonator, *ends, points)  # so that what is wrong with them is said first
+    plane = None
+    if power is None or detuning is None:
+        with working("following the Hopf curve"):
+            plane = _threshold_axes(resonator, thermal, powers, parts)
+        default = plane or PAPER_PLANE
+        ends = AxisTexts(power or default.power, detuning or default.detuning)
+    axes = grid(resonator, *ends, points)
     with working("finding fixed points and their eigenvalues"):
         found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
     note_ring(resonator, ring)
     if figure:
         draw_map(found, figure, ("regime",), resonator, thermal, powers, parts)
+    if (power or detuning) and not _shows_threshold(found):
+        if power and detuning:
+            plane = _threshold_axes(resonator, thermal, powers, parts)
+        _note_options(plane)
     return _written(found, output, figure, resonator, thermal, parts)
