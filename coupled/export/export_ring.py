@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import InputError, StateSpace, checks
+from thermofem import InputError, checks
 from thermofem.export.fmi_unit import DURATION
 from thermofem.export.formats import Format, checked
 from thermofem.models import ThermalModel
@@ -20,7 +20,7 @@ from ..runs.pulsing import Regime, pulsing
 from ..runs.simulate import simulate
 from ..thermal import as_read, without_origin
 from . import ring_fmu, ring_spice, ring_verilog_a
-from .lit_part import LitPart, lit_part
+from .lit_part import LitPart, lit_channel, lit_part
 from .ring_ports import Demonstration, demonstration
 
 FORMATS = {
@@ -95,7 +95,7 @@ def export_ring(
 
 def _rests(ring: RingResonator, model: Any, run: Demonstration) -> bool:
     """Whether a demonstration is at rest at its end; False where `simulate` does not take the model."""
-    small = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
+    small = lit_channel(model, ring.read)
     try:
         trace = simulate(
             as_read(ring, small), without_origin(small), power=run.power, detuning=run.detuning, duration=DURATION
