@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem import Foster, StateSpace, checks
+from thermofem import Foster, checks
 from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.geometry.section_parts import AMBIENT
-from thermofem.models import ThermalModel, bare
+from thermofem.models import ThermalModel, bare, has_ports
 from thermofem.piecewise import hermite
 from thermofem.ring_temperature import CORE, detuning_output
 
@@ -72,11 +72,10 @@ def channels(
     """
     names = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
     system = bare(model)
-    several = isinstance(system, StateSpace) and (len(system.inputs), len(system.outputs)) != (1, 1)
-    single = None if several else compact(model)
+    single = None if has_ports(system) else compact(model)
     inputs = system.inputs
     outputs = system.outputs
-    parts = system.heated if isinstance(system, StateSpace) else inputs
+    parts = getattr(system, "heated", inputs)
     if len(parts) > 1 and heated is None and not names:
         raise checks.InputError(
             f"model has the inputs {', '.join(inputs)} and the outputs {', '.join(outputs)}: say which one the light "

@@ -14,7 +14,7 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.heat_problem import beyond_laws
 from thermofem.geometry.section_parts import LIGHT
-from thermofem.models import ThermalModel
+from thermofem.models import ThermalModel, two_kinds
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 from thermofem.ring_temperature import CORE, GuidedMode, check_read
 
@@ -23,7 +23,7 @@ from .ring_toml import SILICON
 
 log = logging.getLogger("thermofem")
 
-Compact = Foster | OutputMap | Quadratic
+Compact = OutputMap | Quadratic
 
 LARGEST_QUADRATIC = 60  # states
 NEEDED = (
@@ -37,23 +37,21 @@ GIVEN = (0.3, 4.0)  # the same, where it was given: that of a slot or a rib diff
 
 
 def compact(model: ThermalModel) -> Compact:
-    """Return the dynamics of a thermal model: a Foster network, an output map after one, or a quadratic system.
+    """Return the dynamics of a thermal model: poles with an output map, its coefficient 0 if linear, or quadratic.
 
     model: of any kind that has ``dynamics``, or a fit or reduction that holds one.
     Raises InputError: a model without that form (the FEM itself), one with too many states, one that is not passive, or
         numbers that are not finite or beyond `HIGHEST`.
     """
     checks.has("model", model, "dynamics", hint=NEEDED)
-    small = model.dynamics
+    small: Compact = two_kinds(model)
     if isinstance(small, Quadratic):
         check_order(small.order, LARGEST_QUADRATIC)
         # absolute values: the states may cancel in the sum
         check_resistance(float(np.abs(small.C) @ np.abs(np.linalg.solve(small.A, small.B))))
         return small
-    if isinstance(small, OutputMap):
-        checks.finite("model.coefficient", small.coefficient, unit="1/K")
-    poles = small.linear if isinstance(small, OutputMap) else small
-    checks.instance("model.dynamics", poles, Foster, hint=NEEDED)
+    checks.instance("model.dynamics", small, OutputMap, hint=NEEDED)
+    poles = small.linear
     check_order(poles.order, LARGEST)
     own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
     if (own and not poles.passive) or poles.thermal_resistance <= 0:
@@ -65,17 +63,30 @@ def compact(model: ThermalModel) -> Compact:
     return small
 
 
+def plain(model: Compact) -> Foster | Compact:
+    """The Foster network of poles without a bend; any other model unchanged."""
+    return model if isinstance(model, Quadratic) or model.bent else model.linear
+
+
 def linear(model: ThermalModel, purpose: str) -> Foster:
     """Return the Foster network of a linear thermal model (`compact`).
 
     purpose: a verb phrase for the error, "to PURPOSE, a linear one is needed".
     Raises InputError: a model that is not linear, such as an output map or a quadratic model.
     """
-    small = compact(model)
+    small = plain(compact(model))
     hint = f"to {purpose}, a linear one is needed: Foster, StateSpace, Network or Cauer, or a fit or reduction"
     checks.instance("model.dynamics", small, Foster, hint=hint)
     assert isinstance(small, Foster)
     return small
+
+
+def poles(model: Compact, purpose: str) -> OutputMap:
+    """``model``, or InputError where it is quadratic; purpose: a verb phrase, "to PURPOSE, poles are needed"."""
+    hint = f"to {purpose}, poles are needed: Foster, StateSpace, Network, Cauer or OutputMap, or a fit or reduction"
+    checks.instance("model.dynamics", model, OutputMap, hint=hint)
+    assert isinstance(model, OutputMap)
+    return model
 
 
 def check_order(order: int, most: int) -> None:
@@ -99,12 +110,19 @@ def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
     Raises InputError: linear rises beyond the maximum of an output map, where more heat would lower the temperature.
     """
     inner = bare(model)
-    if isinstance(inner, OutputMap):
+    highest = np.max(rise, initial=0.0)
+    top = top_of(inner)
+    if top < np.inf:
         inner.of(linear)
         # no physical model comes to 99 % of the highest rise of an output map
-        if inner.coefficient < 0 and np.max(rise, initial=0.0) > 0.99 * -0.25 / inner.coefficient:
-            warn_at_top(inner, "the ring reaches it")
-    warn_beyond(np.asarray(np.max(rise, initial=0.0)), getattr(inner, "largest_rise", None))
+        if highest > 0.99 * top:
+            warn_at_top(top, "the ring reaches it")
+    warn_beyond(np.asarray(highest), getattr(inner, "largest_rise", None))
+
+
+def top_of(model: Any) -> float:
+    """Highest rise in K that an output map gives; inf for any other model."""
+    return float(getattr(bare(model), "top", np.inf))
 
 
 def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -112,9 +130,8 @@ def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArr
 
     4001 times are added for a model whose temperature rise is checked (`trusted`), so that no short peak is missed.
     """
-    inner = bare(model)
-    falls = isinstance(inner, OutputMap) and inner.coefficient < 0
-    if not times.size or not (falls or getattr(inner, "largest_rise", None) is not None):
+    compared = top_of(model) < np.inf or getattr(bare(model), "largest_rise", None) is not None
+    if not times.size or not compared:
         return times, np.ones(times.size, dtype=bool)
     # 4001 times at which the rise is compared with what the model describes
     every = np.concatenate([times, np.linspace(0.0, duration, 4001)])
@@ -122,9 +139,9 @@ def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArr
     return every[order], order < times.size
 
 
-def warn_at_top(model: OutputMap, said: str) -> None:
+def warn_at_top(top: float, said: str) -> None:
     """Warn (OutsideTrainingWarning) that a rise may exceed the maximum of an output map; ``said`` is the reason."""
-    text = f"the output map ends at {-0.25 / model.coefficient:.4g} K, where more heat would mean less temperature"
+    text = f"the output map ends at {top:.4g} K, where more heat would mean less temperature"
     warnings.warn(f"{text}; {said}: take less power, or a Quadratic model", OutsideTrainingWarning, stacklevel=3)
 
 
@@ -132,9 +149,8 @@ def attributes(model: Compact) -> dict[str, Any]:
     """Attributes of a Dataset for a thermal model: R and tau of its poles, and the coefficient of its output map."""
     if isinstance(model, Quadratic):
         return {}
-    if isinstance(model, OutputMap):
-        return attributes(model.linear) | {"model_coefficient": float(model.coefficient)}
-    return {"model_R": np.asarray(model.R), "model_tau": np.asarray(model.tau)}
+    poles = {"model_R": np.asarray(model.linear.R), "model_tau": np.asarray(model.linear.tau)}
+    return poles | {"model_coefficient": float(model.coefficient)} if model.bent else poles
 
 
 def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:

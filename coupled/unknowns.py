@@ -61,7 +61,7 @@ class Unknowns:
 
     ring: RingResonator
     thermal: Mapping[str, float]
-    model: Compact | None
+    model: Foster | Compact | None
     names: tuple[str, ...]
     start: Array
     low: Array
@@ -103,7 +103,7 @@ def unknowns(
     for name in free:
         if name in ranges:
             start[name] = float(np.sqrt(ranges[name][0] * ranges[name][1]))
-        elif name in POLES and isinstance(poles, Foster):
+        elif name in POLES and poles is not None:
             start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
         elif name in thermal:
             start[name] = thermal[name]
@@ -143,7 +143,7 @@ def span_of(
     return float(low), float(high)
 
 
-def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:
+def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Foster | Compact | None]:
     """Start values of the thermal law to which the free names belong, and None; else {} and the thermal model."""
     if {*free} & {*SECOND_ORDER}:
         law = asdict(parameters.SECOND_ORDER_FEM)
@@ -156,8 +156,10 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
     if model is None:
         hint = checks.Hint("give the thermal model as model=", text="give the thermal model with --model")
         raise checks.InputError(f"free = {list(free)} has no thermal parameter", hint)
-    poles = linear(model, f"free {list(free)}") if newton or {*free} & {*POLES} else compact(model)
-    if newton and isinstance(poles, Foster) and poles.order == 1:
+    if not newton and not {*free} & {*POLES}:
+        return {}, compact(model)
+    poles = linear(model, f"free {list(free)}")
+    if newton and poles.order == 1:
         tau = float(np.ravel(poles.tau)[0])
         R = float(np.ravel(poles.R)[0])
         return {"tau_th": tau, HEAT_CAPACITY: tau / R}, None
@@ -252,13 +254,13 @@ def _with_fields(ring: RingResonator, values: Mapping[str, float]) -> RingResona
     return replace(ring, **own, carriers=carriers)
 
 
-def _model(law: Mapping[str, float], poles: Compact | None, values: Mapping[str, float]) -> Compact:
+def _model(law: Mapping[str, float], poles: Foster | Compact | None, values: Mapping[str, float]) -> Foster | Compact:
     """The thermal model of the parameters ``law``, or else ``poles`` with the R and tau that ``values`` contains."""
     if poles is None:
         if "kappa" in law:
             return second_order_poles(**law)
         return Foster(R=[law["tau_th"] / law[HEAT_CAPACITY]], tau=[law["tau_th"]])
-    if not isinstance(poles, Foster):
+    if not isinstance(poles, Foster):  # none of its numbers is free
         return poles
     R = [values.get(f"R{k}", float(resistance)) for k, resistance in enumerate(np.asarray(poles.R), 1)]
     tau = [values.get(f"tau{k}", float(time)) for k, time in enumerate(np.asarray(poles.tau), 1)]

@@ -9,9 +9,9 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.export import export_ring as rings
-from coupled.export.lit_part import lit_part
+from coupled.export.lit_part import lit_channel
 from surrogate.export import FORMATS
-from thermofem import InputError, StateSpace, checks
+from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.export.export_header import is_export
 
@@ -77,7 +77,7 @@ def export(
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
     """Return the settled period in s; None, with a message, where the ring does not pulse."""
-    channel = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
+    channel = lit_channel(model, ring.read)
     try:
         return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])
     except InputError as error:

@@ -22,17 +22,17 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import OutputMap, StateSpace, checks
+from thermofem import StateSpace, checks
 from thermofem.arrays import Array, Complex, NDArray
 from thermofem.geometry.section_parts import AMBIENT, LIGHT
 from thermofem.models.contract import bare
-from thermofem.models.state_space import eigenmodes
+from thermofem.models.state_space import eigenmodes, has_ports
 
 from ..heaters import Poles, channels
 from ..kernel import units as eq
 from ..kernel.integrator import BUS, LOOPS, Network
 from ..resonator import RingResonator
-from ..thermal import check_ports, check_resistance, linear
+from ..thermal import check_ports, check_resistance, poles
 from .circuit import Circuit
 
 log = logging.getLogger("thermofem")
@@ -223,13 +223,14 @@ def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]
     """
     model = bare(thermal)
     parts = getattr(model, "heated", model.inputs)
-    several = isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(parts) > 1)
+    several = has_ports(model) and (len(parts), len(model.outputs)) != (1, 1)
     if several and not (len(parts) == 1 and {*model.outputs} <= {*parts, LIGHT}):
         return _of_array(model, rings, names)
     drives = {AMBIENT: 0.0} if AMBIENT in model.inputs else {}
     picked = [channels(thermal, ring.read, drives, parts[0]) for ring in rings]
     models = [channel.model for channel in picked]
-    networks = [small.linear if isinstance(small, OutputMap) else linear(small, "heat a circuit") for small in models]
+    maps = [poles(small, "heat a circuit") for small in models]
+    networks = [small.linear for small in maps]
     order = networks[0].order
     read = np.eye(len(rings))[:, :, None] * np.ones(order)
     gain = np.array([network.gain for network in networks])
@@ -241,7 +242,7 @@ def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]
         heaters[AMBIENT] = Poles(1 / np.asarray(ambient[0].tau), gains)
     ports = [(small.inputs[0], small.outputs[0]) for small in models]
     doubts = _doubts(rings, thermal, ports)
-    curvature = float(getattr(models[0], "coefficient", 0.0))
+    curvature = float(maps[0].coefficient)
     return RingHeat(gain, rate, read, curvature, False, heaters, doubts)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, InputError, OutputMap, checks
+from thermofem import Foster, InputError, Quadratic, checks
 from thermofem.arrays import Array
 
 from ..arguments import check_power
@@ -15,7 +15,7 @@ from ..equilibria.steady_states import survey
 from ..heaters import turned_by
 from ..kernel.integrator import CARRIERS, ENERGY, Problem
 from ..kernel.tableaus import Method
-from ..kernel.units import NS, internal_detuning, internal_pump, single_ring, slowest_rate
+from ..kernel.units import NS, internal_detuning, internal_pump, single_ring
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
@@ -70,8 +70,7 @@ class CycleProblem:
     @property
     def poles(self) -> Foster | None:
         """The Foster network of the thermal model, or that below its output map; None for a quadratic model."""
-        linear = self.model.linear if isinstance(self.model, OutputMap) else self.model
-        return linear if isinstance(linear, Foster) else None
+        return None if isinstance(self.model, Quadratic) else self.model.linear
 
     @cached_property
     def stable_points(self) -> Array:
@@ -85,7 +84,7 @@ class CycleProblem:
     @property
     def longest(self) -> float:
         """Longest transient in ns that is integrated before a cycle must have been found."""
-        slowest = 1 / (NS * slowest_rate(self.model))
+        slowest = 1 / (NS * self.model.slowest_rate)
         return max(LONGEST_TRANSIENT, min(SLOWEST * slowest, MOST_TRANSIENT))
 
     @property
@@ -144,8 +143,7 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     numbers[kind][number] = value
     network = replace(p.poles, **numbers)  # checks them and sorts them
     checks.keep(network, **numbers)  # states and names keep their poles where one time constant passes another
-    model = replace(p.model, linear=network) if isinstance(p.model, OutputMap) else network
-    return replace(p, model=compact(model))
+    return replace(p, model=compact(replace(p.model, linear=network)))  # type: ignore[arg-type]
 
 
 def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:

@@ -23,8 +23,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
-from ..kernel.integrator import QuadraticHeat
-from ..kernel.units import NS, internal_heat
+from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
 from ..thermal import check_model, provenance, trusted
@@ -183,7 +182,4 @@ def _energy_slope(p: CycleProblem, y: Array) -> float:
 
 def _rise_by_heat(p: CycleProblem, y: Array) -> Array:
     """d(dT)/dx: temperature rise differentiated by the thermal states x, at k states; shape (k, thermal states)."""
-    heat, bend = internal_heat(p.model)
-    if isinstance(heat, QuadraticHeat):
-        return np.tile(heat.C, (len(y), 1))
-    return np.tile(1 + 2 * bend * y[:, 3:].sum(axis=1)[:, None], y.shape[1] - 3)
+    return p.model.read_slope(y[:, 3:])

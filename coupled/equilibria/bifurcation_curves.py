@@ -31,7 +31,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_axis, check_ring
 from ..heaters import driving
 from ..kernel.rates import absorbed_slopes, dispersion, recombination
-from ..kernel.units import FJ, NS, UW, internal_pump, slowest_rate
+from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, farthest, internal_ring, peak
@@ -185,7 +185,7 @@ def _lines(plane: Plane) -> list[Array]:
     here = balance(plane.energies, plane.at)
     tiny = np.finfo(float).tiny
     highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
-    slowest = NS * slowest_rate(plane.at.model)
+    slowest = NS * plane.at.model.slowest_rate
     log_U = np.log(plane.energies)
     log_w = np.log(np.geomspace(1e-4 * slowest, 2 * highest, FREQUENCIES))
 

@@ -194,7 +194,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     largest = float(absorbed_power(U, N, rates).max()) * UW
     at = internal_ring(ring, driving(ring, model).model, largest)
     linear = at.model.thermal_resistance * largest
-    trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)
+    trusted(model, at.model.steady_rise(largest), linear)
     here = balance(U, at)
     D = here.shift - 2 * np.pi * NS * nu.ravel()
     power = U * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2

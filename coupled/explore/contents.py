@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem import checks
-from thermofem.models import OutputMap, Quadratic, StateSpace, ThermalModel, bare, newton, second_order
+from thermofem.models import Quadratic, ThermalModel, bare, has_ports, newton, second_order
 from thermofem.ring_temperature import CORE
 
 from .. import parameters
@@ -56,7 +56,7 @@ FIRST = Parts()
 def channels_of(model: ThermalModel, parts: Parts) -> Channels:
     """Return the model from the light's input to the read output, and those from all other inputs (heaters) to it."""
     system = getattr(bare(model), "without_ambient", model)
-    if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
+    if not has_ports(system):
         return channels(system, parts.wanted)
     heated = parts.heated or system.inputs[0]
     others = {name: 0.0 for name in system.inputs if name != heated}
@@ -74,7 +74,7 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
             f"model {name!r} is quadratic; the page runs Foster networks, small linear models and OutputMap over one: "
             "give a linear reduction (surrogate.reduce) or surrogate.output_map"
         )
-    linear = small.linear if isinstance(small, OutputMap) else small
+    linear = small.linear
     if linear.order > LARGEST:
         raise checks.InputError(
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
@@ -87,7 +87,7 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
     data["name"] = name
     data["R"] = np.asarray(linear.R, dtype=float).tolist()
     data["tau"] = np.asarray(linear.tau, dtype=float).tolist()
-    data["coefficient"] = small.coefficient if isinstance(small, OutputMap) else 0.0
+    data["coefficient"] = small.coefficient
     return data
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import InputError, StateSpace, checks
+from thermofem import InputError, checks
 from thermofem.export.fmi_unit import DURATION
 from thermofem.export.formats import Format, checked
 from thermofem.models import ThermalModel
@@ -20,7 +20,7 @@ from ..runs.pulsing import Regime, pulsing
 from ..runs.simulate import simulate
 from ..thermal import as_read, without_origin
 from . import ring_fmu, ring_spice, ring_verilog_a
-from .lit_part import LitPart, lit_part
+from .lit_part import LitPart, lit_channel, lit_part
 from .ring_ports import Demonstration, demonstration
 
 FORMATS = {
@@ -103,7 +103,7 @@ def _rests(ring: RingResonator | Circuit, model: Any, run: Demonstration) -> boo
         except InputError:
             return False
         return all(pulsing(traces.sel(ring=name)).regime == Regime.STABLE for name in ring.names)
-    small = model.channel(*lit_part(model, ring.read)) if isinstance(model, StateSpace) else model
+    small = lit_channel(model, ring.read)
     try:
         trace = simulate(as_read(ring, small), without_origin(small), **drive)
     except InputError:

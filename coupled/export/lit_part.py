@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from thermofem import checks
+from thermofem import StateSpace, checks
 from thermofem.export.poles import RCNetwork, rc_network
 from thermofem.ring_temperature import detuning_output
 
@@ -17,6 +17,11 @@ def ring_network(model: Any, wanted: str, *, taken: Iterable[str]) -> tuple[RCNe
     channel = lit_part(model, wanted)
     net.pins[net.parts.index(channel.heated)] = "heat"
     return net, net.pins[net.parts.index(channel.read)]
+
+
+def lit_channel(model: Any, wanted: str) -> Any:
+    """The channel of a StateSpace from the light of a ring to what detunes it; any other model unchanged."""
+    return model.channel(*lit_part(model, wanted)) if isinstance(model, StateSpace) else model
 
 
 class LitPart(NamedTuple):

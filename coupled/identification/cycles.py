@@ -22,7 +22,6 @@ from thermofem.arrays import Array, Complex
 from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power, datasets
-from ..kernel.units import slowest_rate
 from ..thermal import Compact
 from .forced_filters import Forced, noise_of
 from .fourier_cycles import HARMONICS, LEVEL, Cycle, fourier_fit, still
@@ -231,7 +230,7 @@ class Target:
 
         For a settled trace, and for one longer than the model's transient, the run has the length of that transient.
         """
-        enough = max(LONGEST_RUN, SETTLED_CONSTANTS / slowest_rate(model))
+        enough = max(LONGEST_RUN, SETTLED_CONSTANTS / model.slowest_rate)
         if self.settled or self.times[-1] > enough:
             return 0.0, enough
         return float(self.times[0]), float(self.times[-1])

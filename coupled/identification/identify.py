@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import Foster, checks
 from thermofem.arrays import Array
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import bar, check_ring
 from ..resonator import RingResonator
-from ..thermal import Compact, check_model, notes_of
+from ..thermal import Compact, check_model, notes_of, plain
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .box_search import End, Prior, cost, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
@@ -78,7 +78,7 @@ class Identification(HasModel):
     parameters: dict[str, float]
     standard_deviations: dict[str, float]
     ring: RingResonator
-    model: Compact
+    model: Foster | Compact
     residuals: xr.Dataset
     cycles: xr.Dataset
     samples: xr.Dataset
@@ -343,7 +343,7 @@ def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End,
         parameters=dict(zip(what.names, values.tolist(), strict=True)),
         standard_deviations=dict(zip(what.names, (values * deviations).tolist(), strict=True)),
         ring=ring,
-        model=model,
+        model=plain(model),
         residuals=errors,
         cycles=cycles,
         samples=xr.Dataset(samples | {"misfit": ("run", misfits)}),

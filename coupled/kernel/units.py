@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import Foster, OutputMap
+from thermofem import Quadratic
 from thermofem.arrays import Array, Complex
 
 from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
@@ -145,12 +145,10 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
 
 def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
     """Return a thermal model in the kernel's units, and the coefficient of its output map in 1/K, 0 without one."""
-    if isinstance(model, OutputMap):
-        return internal_heat(model.linear)[0], float(model.coefficient)
-    if isinstance(model, Foster):
-        R = np.asarray(model.R, dtype=float)
-        tau = np.asarray(model.tau, dtype=float)
-        return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), 0.0
+    if not isinstance(model, Quadratic):
+        R = np.asarray(model.linear.R, dtype=float)
+        tau = np.asarray(model.linear.tau, dtype=float)
+        return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), float(model.coefficient)
     A = np.array(model.A, dtype=float, order="C")
     H = np.array(model.H, dtype=float, order="C")
     G = np.array(model.G, dtype=float, order="C")
@@ -159,14 +157,6 @@ def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
     return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
-
-
-def slowest_rate(model: Compact) -> float:
-    """Return the slowest thermal decay rate in 1/s, at small temperature rise."""
-    linear: Any = getattr(model, "linear", model)
-    if isinstance(linear, Foster):
-        return float(1 / np.max(np.asarray(linear.tau)[np.asarray(linear.R) != 0]))
-    return float(-np.linalg.eigvals(np.asarray(linear.A)).real.max())
 
 
 def single_ring(

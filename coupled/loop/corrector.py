@@ -38,7 +38,7 @@ from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import contents
 from thermofem.fem import HeatProblem
-from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
+from thermofem.models import NonlinearSystem, OutputMap, Quadratic, StateSpace, foster
 from thermofem.solving import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import PiecewiseCubic, Waveform, to_json
@@ -178,12 +178,12 @@ class FEM:
         self.fields.extend(fields)
 
     @cached_property
-    def predictor(self) -> Foster | Quadratic:
+    def predictor(self) -> Compact:
         """Krylov reduction from the heated part to what is read; k(T) and c_p(T) enter to second order."""
         basis = self.basis
         curved = self.field.equations.curved
         if curved is None:
-            return foster(basis.reduced(self.linear).channel(self.heated, self.read))
+            return OutputMap(foster(basis.reduced(self.linear).channel(self.heated, self.read)), 0.0)
         inflow = curved.inverse * basis.rate
         symmetric = (inflow + inflow.transpose(0, 2, 1)) / 2
         H = symmetric - curved.flow
@@ -300,7 +300,7 @@ def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
     is the order of the predictor; else zero.
     """
     if model is corrector.predictor:
-        if isinstance(model, Quadratic):
+        if model.bent:
             return np.asarray(corrector.state.z)
         fields = (corrector.linear.C[0] @ corrector.basis.vectors) * corrector.state.z
         return np.asarray(fields[np.argsort(1 / corrector.basis.rate)])

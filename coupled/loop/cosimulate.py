@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, Quadratic, StateSpace, checks
+from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.algebra.krylov import krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
@@ -23,8 +23,7 @@ from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
-from ..states import State
-from ..thermal import Compact, check_geometry, check_model, compact
+from ..thermal import check_geometry, check_model, compact, plain
 from .corrector import FEM, Corrector, beginning
 from .relaxation import Passed, Relaxation
 
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
+NO_PREDICTOR = OutputMap(Foster(R=[0.0], tau=[1e-6]), 0.0)
 """A predictor of zero temperature rise: the fed-back discrepancy is the whole temperature."""
 
 FIRST = 0.25e-6  # s, about the first window
@@ -148,7 +147,7 @@ def cosimulate(
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
         max_discrepancy, rtol, begin.state, _background(corrector, predictor), accepted=begin.rise,
-        rest=begin.rise - _read(model, begin.state),
+        rest=begin.rise - float(model.read(np.asarray(begin.state.thermal))),
     )  # fmt: skip
     parts = []
     while loop.time < duration:
@@ -167,14 +166,6 @@ def _read_output(ring: RingResonator, heat: HeatProblem | StateSpace | Nonlinear
     """Name of the output of the FEM that a ring reads."""
     system = heat.system if isinstance(heat, HeatProblem) else heat
     return detuning_output(ring.read, system.inputs[0], tuple(system.outputs))
-
-
-def _read(model: Compact, state: State) -> float:
-    """Return the temperature rise of the predictor in the given state, K."""
-    x = np.asarray(state.thermal)
-    if isinstance(model, Quadratic):
-        return float(model.C @ x)
-    return float(model.of(x.sum())) if isinstance(model, OutputMap) else float(x.sum())
 
 
 def _electric(
@@ -234,7 +225,7 @@ def _dataset(
     changes = [last_change(pieces("heaters", wave, 0.0, duration)) for wave in heaters.values()]
     predictor = "none"
     if loop.model is not NO_PREDICTOR:
-        predictor = f"{type(loop.model).__name__} with {loop.model.order} states"
+        predictor = f"{type(plain(loop.model)).__name__} with {loop.model.order} states"
     counts = {"units": "1", "long_name": "passes of the window"}
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from thermofem import Quadratic, checks
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.checks import Words
@@ -142,8 +142,7 @@ def pulsing_map(
     if order is not None:
         attrs["follow"] = str(order)
     identity = attrs | {f"axis {name}": axis for name, axis in zip(grid.names, grid.axes, strict=True)}
-    if isinstance(small, Quadratic):
-        identity |= {f"model {name}": getattr(small, name) for name in "AHGBC"}
+    identity["model"] = small.to_json()
     pool = contextlib.nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count())
     with (
         pool as workers,  # the integration releases the interpreter's lock

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import InputError, OutputMap, dataset
+from thermofem import InputError, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
@@ -91,8 +91,8 @@ def _survey(model: Compact, grid: Grid) -> Array:
     """Return numbers of fixed and stable points, growth (1/s), frequency (Hz), highest rise (K), shape (5, n, m)."""
     points = grid.points
     largest = max(absorbable(ring, power) for ring, power, _ in points)
-    if isinstance(model, OutputMap) and 2 * model.coefficient * model.thermal_resistance * largest <= -1:
-        warn_at_top(model, f"the ring may absorb up to {largest:.2g} W at these powers")
+    if model.thermal_resistance * largest >= 2 * model.top:
+        warn_at_top(model.top, f"the ring may absorb up to {largest:.2g} W at these powers")
     rows = []
     for found in fixed_of(model, points):
         if isinstance(found, str):

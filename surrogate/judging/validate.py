@@ -11,11 +11,11 @@ import xarray as xr
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
-from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, checks, waveforms
+from thermofem import Quadratic, SquareWave, StateSpace, checks, waveforms
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
-from thermofem.models import Cauer, Network, NonlinearSystem, ThermalModel, bare
+from thermofem.models import NonlinearSystem, ThermalModel, bare, two_kinds
 from thermofem.piecewise import bounds
 from thermofem.transient.integration import integrate_periodic
 from thermofem.waveforms import Waveform
@@ -170,32 +170,35 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
 
     swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """
-    poles = bare(model)
+    system = bare(model)
     # 200: states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
-    small = isinstance(poles, StateSpace) and poles.order <= 200
-    if small or isinstance(poles, Foster | Network | Cauer):
-        poles = model.dynamics
-    if isinstance(poles, Foster) and poles.passive:
-        R = np.asarray(poles.R)
-        tau = np.asarray(poles.tau)
+    large = isinstance(system, StateSpace) and system.order > 200
+    if large or isinstance(system, NonlinearSystem):
+        return float(np.ptp(model.periodic_response(wave, PERIOD_SAMPLES)))
+    poles = two_kinds(model)
+    if isinstance(poles, Quadratic):
+        return _quadratic_swing(poles, wave)
+    R = np.asarray(poles.linear.R)
+    tau = np.asarray(poles.linear.tau)
+    if poles.linear.passive and not poles.bent:
         on = -wave.duty * wave.period / tau
         off = -(1 - wave.duty) * wave.period / tau
         shares = np.expm1(on) * np.expm1(off) / np.expm1(on + off)
         return float(-wave.power * R @ shares)
-    linear = poles.dynamics.linear if isinstance(poles, OutputMap) else poles
-    if isinstance(linear, Foster) and not linear.passive:
-        tau = np.asarray(linear.tau)
-        phi = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True)
-        rise = phi @ linear.gain
-        if isinstance(poles, OutputMap):
-            rise = poles.of(rise)
-        return float(np.ptp(rise))
-    if isinstance(poles, Quadratic) and not np.array_equal(poles.A, poles.A.T):  # no reduction of a FEM
-        start = poles.periodic_states(wave, PERIOD_SAMPLES)[0]
-        tau = -1 / np.linalg.eigvals(poles.A).real
-        states = poles.states(wave, _after_edges(wave, tau), initial=start)
-        return float(np.ptp(states @ poles.C))
-    return float(np.ptp(model.periodic_response(wave, PERIOD_SAMPLES)))
+    if poles.linear.passive:
+        return float(np.ptp(poles.periodic_response(wave, PERIOD_SAMPLES)))
+    phi = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True)
+    return float(np.ptp(poles.of(phi @ poles.linear.gain)))
+
+
+def _quadratic_swing(model: Quadratic, wave: SquareWave) -> float:
+    """`_swing` of a quadratic model; one that is no reduction of a FEM may overshoot."""
+    if np.array_equal(model.A, model.A.T):
+        return float(np.ptp(model.periodic_response(wave, PERIOD_SAMPLES)))
+    start = model.periodic_states(wave, PERIOD_SAMPLES)[0]
+    tau = -1 / np.linalg.eigvals(model.A).real
+    states = model.states(wave, _after_edges(wave, tau), initial=start)
+    return float(np.ptp(states @ model.C))
 
 
 def _after_edges(wave: SquareWave, tau: Array) -> Array:

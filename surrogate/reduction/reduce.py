@@ -133,7 +133,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
         error_bound=float(of_channels.max()),
         channel_bounds=of_channels.reshape(shape),
         frequency=certificate.omega / (2 * np.pi),
-        bound=bound[:, 0, 0] if isinstance(model, Foster) else bound,
+        bound=bound[:, 0, 0] if shape == (1, 1) else bound,
         basis=basis,
         shifts=projected.shifts,
         tolerance=float(tolerance),

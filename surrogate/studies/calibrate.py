@@ -12,6 +12,7 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
+from thermofem.models import two_kinds
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
@@ -140,8 +141,9 @@ def calibrate(
     def values_of(x: Array) -> dict[str, float]:
         return dict(zip(family.names, span.at(x).tolist(), strict=True))
 
-    def member(x: Array) -> Foster | OutputMap:
-        return family.of_channel(names, values_of(x))
+    def member(x: Array) -> OutputMap:
+        poles: OutputMap = two_kinds(family.of_channel(names, values_of(x)))
+        return poles
 
     def misfit(x: Array) -> Array:
         model = member(x)
@@ -153,8 +155,8 @@ def calibrate(
         model = member(x)
         modal = family.modal_derivative(row, channel)
         slopes = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
-        if isinstance(model, OutputMap) and family.output_maps is not None:  # dT = z + a z^2
-            z = np.concatenate([_rise(model.linear, d) for d in responses])
+        if family.output_maps is not None and model.bent:  # dT = z + a z^2
+            z = np.concatenate([_linear_rise(model.linear, d) for d in responses])
             of_a = family.output_maps.slopes(family.box, row)
             slopes = (1 + 2 * model.coefficient * z) * slopes + np.outer(of_a, z**2)
         return np.asarray(slopes.T * (span.slope(x) / scale))
@@ -190,13 +192,15 @@ def calibrate(
     )
 
 
-def _rise(model: Foster | OutputMap, response: Response) -> Array:
+def _rise(model: OutputMap, response: Response) -> Array:
     """Rise in K at the times of the data, which need not be spread over a period as `periodic_response` has them."""
-    if isinstance(model, OutputMap):
-        return warn_beyond(model.of(_rise(model.linear, response)), model.largest_rise)
-    rate = 1 / np.asarray(model.tau)
+    return warn_beyond(model.of(_linear_rise(model.linear, response)), model.largest_rise)
+
+
+def _linear_rise(poles: Foster, response: Response) -> Array:
+    rate = 1 / np.asarray(poles.tau)
     phi = pole_responses(rate, response.wave, response.times, periodic=response.periodic)
-    return phi @ model.gain
+    return phi @ poles.gain
 
 
 def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:

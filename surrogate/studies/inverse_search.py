@@ -15,6 +15,7 @@ from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.export.poles import poles_of
 from thermofem.geometry.parameter_paths import change
 from thermofem.geometry.section_parts import LIGHT
+from thermofem.models import two_kinds
 
 from ..family import Family, train_family
 from ..family.family import ChannelNames
@@ -112,7 +113,7 @@ def channel_steps(model: Any) -> list[dict[str, Any]] | None:
 
 
 def _poles(model: Model) -> tuple[Array, Array]:
-    linear = model.linear if isinstance(model, OutputMap) else model
+    linear = two_kinds(model).linear
     return np.asarray(linear.R), np.asarray(linear.tau)
 
 

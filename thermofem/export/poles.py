@@ -4,14 +4,14 @@ dx_k/dt = -rate_k x_k + sum_i B_ki P_i,    z_j = sum_k C_jk x_k,    dT_j = z_j +
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.models import Foster, OutputMap, StateSpace
+from thermofem.models import Quadratic, StateSpace, two_kinds
 from thermofem.models.state_space import eigenmodes
 
 from .export_header import identifiers
@@ -44,19 +44,18 @@ def poles_of(model: Any) -> Poles:
     """
     if isinstance(model, StateSpace):  # of any number of inputs and outputs
         return _of_state_space(model)
-    small = model.dynamics
-    if isinstance(small, OutputMap):
-        return replace(poles_of(small.linear), coefficient=small.coefficient)
-    if not isinstance(small, Foster):
+    small = two_kinds(model)
+    if isinstance(small, Quadratic):
         raise checks.InputError(
             f"a {type(model).__name__} is not a set of independent poles: the format mat takes it; the others take "
             "Foster, StateSpace, Network, Cauer and OutputMap"
         )
-    R = np.asarray(small.R)
-    tau = np.asarray(small.tau)
+    R = np.asarray(small.linear.R)
+    tau = np.asarray(small.linear.tau)
     kept = R != 0
     share = np.ones((1, int(kept.sum())))
-    return Poles(1 / tau[kept], (R / tau)[kept, None], share, model.inputs, model.outputs)
+    gain = (R / tau)[kept, None]
+    return Poles(1 / tau[kept], gain, share, model.inputs, model.outputs, small.coefficient)
 
 
 def _of_state_space(model: StateSpace) -> Poles:

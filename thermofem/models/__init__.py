@@ -2,14 +2,14 @@
 
 from .cauer import Cauer
 from .contract import HasModel, OutsideTrainingWarning, ThermalModel, bare, check_single
-from .foster import BORGHI2021_HEAT_CAPACITY, Foster, OutputMap, linear_poles, newton, second_order
+from .foster import BORGHI2021_HEAT_CAPACITY, Foster, OutputMap, linear_poles, newton, second_order, two_kinds
 from .identified_network import Network, gate
 from .model_files import KINDS, load_model, load_provenance, save_model
 from .nonlinear_models import NonlinearSystem, Quadratic
-from .state_space import StateSpace, foster
+from .state_space import StateSpace, foster, has_ports
 
 __all__ = [
     "BORGHI2021_HEAT_CAPACITY", "KINDS", "Cauer", "Foster", "HasModel", "Network", "NonlinearSystem", "OutputMap",
     "OutsideTrainingWarning", "Quadratic", "StateSpace", "ThermalModel", "bare", "check_single", "foster", "gate",
-    "linear_poles", "load_model", "load_provenance", "newton", "save_model", "second_order",
+    "has_ports", "linear_poles", "load_model", "load_provenance", "newton", "save_model", "second_order", "two_kinds",
 ]  # fmt: skip

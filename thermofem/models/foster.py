@@ -157,15 +157,22 @@ def check_residues(R: Array, *, round_off: float = 0.0) -> None:
         )
 
 
+def two_kinds(model: Any) -> Any:
+    """``model.dynamics`` as one of two kinds: an `OutputMap` of poles, of coefficient 0 if linear, or a Quadratic."""
+    small = model.dynamics
+    return OutputMap(small, 0.0, origin=small.origin) if isinstance(small, Foster) else small
+
+
 def linear_poles(model: Any, purpose: str) -> Foster:
     """Return the poles of a linear model as a Foster network; for other models an InputError that names ``purpose``."""
-    found = model.dynamics
-    if not isinstance(found, Foster):
+    small = two_kinds(model)
+    if small.bent:
         raise checks.InputError(
             f"model is a {type(model).__name__} and not linear; only a linear model {purpose}: Foster, StateSpace, "
             "Network or Cauer, a fit or a reduction"
         )
-    return found
+    poles: Foster = small.linear
+    return poles
 
 
 BORGHI2021_HEAT_CAPACITY = 1.09e-14 * 700.0  # J/K: mass 1.09e-14 kg x 700 J/(kg K), Appendix A
@@ -317,6 +324,34 @@ class OutputMap(AtSmallPower):
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K, in closed form."""
         return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
+
+    @property
+    def bent(self) -> bool:
+        """Whether the model is not linear."""
+        return self.coefficient != 0
+
+    @property
+    def top(self) -> float:
+        """Highest rise dT in K, -1/(4 coefficient), which the linear rise -1/(2 coefficient) gives; inf without one."""
+        return -0.25 / self.coefficient if self.coefficient < 0 else np.inf
+
+    @property
+    def slowest_rate(self) -> float:
+        """Slowest thermal decay rate in 1/s."""
+        return float(1 / np.max(np.asarray(self.linear.tau)[np.asarray(self.linear.R) != 0]))
+
+    def read(self, x: Array) -> Any:
+        """Rise in K in the states x of the poles, shape (..., n)."""
+        return self.of(x.sum(axis=-1))
+
+    def read_slope(self, x: Array) -> Array:
+        """Derivative of the rise with respect to the states x, shape (..., n)."""
+        z = x.sum(axis=-1, keepdims=True)
+        return np.tile(1 + 2 * self.coefficient * z, self.order)
+
+    def state_gain(self, x: Array) -> Array:
+        """Derivative of dx/dt with respect to the power at the states x, shape (n,), K/J."""
+        return self.linear.gain
 
     @property
     def dynamics(self) -> OutputMap:

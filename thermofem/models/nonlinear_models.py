@@ -68,6 +68,8 @@ class Quadratic:
     outputs: tuple[str, ...] = ("core",)
     largest_rise: float | None = None
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
+    bent = True  # not linear
+    top = np.inf  # K, as `OutputMap.top`
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -89,6 +91,23 @@ class Quadratic:
     def order(self) -> int:
         """Number of states."""
         return int(self.B.size)
+
+    @property
+    def slowest_rate(self) -> float:
+        """Slowest thermal decay rate in 1/s, at small temperature rise."""
+        return float(-np.linalg.eigvals(self.A).real.max())
+
+    def read(self, x: Array) -> Any:
+        """C x: the rise in K in the states x, shape (..., n)."""
+        return x @ self.C
+
+    def read_slope(self, x: Array) -> Array:
+        """Derivative of the rise with respect to the states x, shape (..., n)."""
+        return np.broadcast_to(self.C, x.shape)
+
+    def state_gain(self, x: Array) -> Array:
+        """Derivative of dx/dt with respect to the power at the states x, shape (n,), K/J."""
+        return self.G @ x + self.B
 
     @cached_property
     def linear(self) -> StateSpace:

@@ -282,6 +282,11 @@ def _definite(matrix: Array) -> bool:
     return True
 
 
+def has_ports(model: Any) -> bool:
+    """Whether a model has several inputs or outputs, of which `StateSpace.channel` picks one each."""
+    return isinstance(model, StateSpace) and (len(model.inputs), len(model.outputs)) != (1, 1)
+
+
 def foster(system: StateSpace) -> Foster:
     """Diagonalise a small symmetric StateSpace: A v = -lambda E v, R_i = (C v_i)(v_i B)/lambda_i.
 
