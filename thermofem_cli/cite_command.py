@@ -18,8 +18,8 @@ from thermofem.errors import InputError, one_line, prefixed
 from thermofem.materials.material_library import VOID, find
 
 from . import options
-from .command_files import expect
 from .console import say, settings, terminal
+from .inputs.command_files import expect
 
 SOURCES = Path(th.__file__).parents[1]  # the folder of the packages: of the sources, if it is a checkout
 _SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}

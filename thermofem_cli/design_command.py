@@ -21,9 +21,9 @@ from thermofem.data import quantity
 from thermofem.ring_temperature import check_read
 
 from . import options
-from .command_files import check_outputs, expect, note_ring, ring_of
 from .console import note, say, working, written, wrote
-from .drive_texts import assigned, detuning_of, grid, reading
+from .inputs.command_files import check_outputs, expect, note_ring, ring_of
+from .inputs.drive_texts import assigned, detuning_of, grid, reading
 
 
 def design(

@@ -15,9 +15,10 @@ from thermofem import InputError, StateSpace, checks
 from thermofem.data import quantity
 from thermofem.export.export_header import is_export
 
-from . import drive_texts, options
-from .command_files import check_outputs, expect, ring_of
+from . import options
 from .console import note, working, wrote
+from .inputs import drive_texts
+from .inputs.command_files import check_outputs, expect, ring_of
 
 OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
 PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform."

@@ -11,8 +11,8 @@ import thermofem as th
 from thermofem.data import quantity
 
 from . import options
-from .command_files import about, check_outputs, expect
 from .console import say, working, written, wrote
+from .inputs.command_files import about, check_outputs, expect
 
 
 def family(

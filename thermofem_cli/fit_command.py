@@ -14,9 +14,9 @@ from thermofem.data import files, quantity
 from thermofem.data.measured_trace import check_text
 
 from . import options
-from .command_files import about, check_outputs, expect, in_volts, kind_of
 from .console import note, parameter_unit, say, working, written, wrote
-from .drive_texts import heating
+from .inputs.command_files import about, check_outputs, expect, in_volts, kind_of
+from .inputs.drive_texts import heating
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TABLE = "a table of numbers"

@@ -11,9 +11,9 @@ from thermofem.data import quantity
 from thermofem.fluctuations import linewidth
 
 from . import options
-from .command_files import check_outputs, section_of, write_columns
 from .console import say, working, wrote
-from .drive_texts import RANGE, reading
+from .inputs.command_files import check_outputs, section_of, write_columns
+from .inputs.drive_texts import RANGE, reading
 from .rings.modes_command import wavelength_of
 
 POINTS = 181

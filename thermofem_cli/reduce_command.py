@@ -16,8 +16,8 @@ from thermofem.data import files, quantity
 from thermofem.geometry.section_parts import LIGHT
 
 from . import options
-from .command_files import check_outputs, kind_of, section_of
 from .console import say, working, written, wrote
+from .inputs.command_files import check_outputs, kind_of, section_of
 
 READ = "Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too."
 

@@ -20,9 +20,9 @@ from thermofem.data import files, quantity
 from thermofem.errors import InputError
 from thermofem.export.poles import poles_of
 
-from .command_files import check_outputs, expect, in_volts, kind_of
 from .console import parameter_unit, say, working, written
-from .heater_texts import say_sheets
+from .inputs.command_files import check_outputs, expect, in_volts, kind_of
+from .results.heater_sheets import say_sheets
 
 # what follows from the fields of a ring -> its SI unit
 DERIVED = {

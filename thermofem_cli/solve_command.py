@@ -16,10 +16,10 @@ from thermofem.data import quantity
 from thermofem.fem.domain_truncation import NOTABLE
 
 from . import options
-from .command_files import check_outputs, expect, section_of
 from .console import bar, note, say, settings, time_bar, working, written, wrote
-from .drive_texts import heating, times_of
-from .heater_texts import say_sheets
+from .inputs.command_files import check_outputs, expect, section_of
+from .inputs.drive_texts import heating, times_of
+from .results.heater_sheets import say_sheets
 
 FRAMES = 60  # fields for ParaView whose times are not given
 SAME = 1e-3  # relative difference from which R_th at a power is printed beside that at small power

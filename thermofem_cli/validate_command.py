@@ -21,9 +21,9 @@ from thermofem.data.files import IMAGES
 from thermofem.models import NonlinearSystem
 
 from . import options
-from .command_files import check_outputs, expect, ring_of
 from .console import bar, note, say, show, working, written, wrote
-from .drive_texts import plane_words
+from .inputs.command_files import check_outputs, expect, ring_of
+from .inputs.drive_texts import plane_words
 
 SAME = "no material depends on temperature: the same at every power"
 

@@ -14,7 +14,7 @@ import coupled
 import thermofem as th
 from coupled.equilibria.transmission import sweep
 from coupled.ring_toml import write_text
-from thermofem_cli.light_tables import light_unit, watts_of
+from thermofem_cli.inputs.light_tables import light_unit, watts_of
 from thermofem_cli.rings.identify_command import _table
 
 ONE = replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")

@@ -14,9 +14,9 @@ from thermofem.data import quantity
 from thermofem.ring_temperature import CORE, detuning_output
 
 from .. import options
-from ..command_files import check_outputs, expect, kind_of, note_ring, ring_of, section_of
 from ..console import note, working, wrote
-from ..drive_texts import detuning_of, steady_heaters
+from ..inputs.command_files import check_outputs, expect, kind_of, note_ring, ring_of, section_of
+from ..inputs.drive_texts import detuning_of, steady_heaters
 
 
 def explore(

@@ -14,10 +14,10 @@ from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, watched, written, wrote
-from ..drive_texts import detuning_of
-from ..light_tables import held_of, light_unit, picked, watts_of
+from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+from ..inputs.drive_texts import detuning_of
+from ..inputs.light_tables import held_of, light_unit, picked, watts_of
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
 UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."

@@ -12,9 +12,9 @@ from thermofem import checks
 from thermofem.data import quantity
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of, write_columns
 from ..console import say, working, wrote
-from ..drive_texts import detuning_of, steady_heaters
+from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of, write_columns
+from ..inputs.drive_texts import detuning_of, steady_heaters
 
 POINTS = 401  # of the Bode plot
 

@@ -18,9 +18,9 @@ from coupled.thermal import as_read, without_origin
 from thermofem.data import quantity
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, say, watched, working, written, wrote
-from ..drive_texts import grid, steady_heaters
+from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+from ..inputs.drive_texts import grid, steady_heaters
 
 
 def map_(

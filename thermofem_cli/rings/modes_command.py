@@ -13,9 +13,9 @@ import thermofem as th
 from thermofem.data import files, quantity
 
 from .. import options
-from ..command_files import check_outputs, section_of
 from ..console import note, say, working, wrote
-from ..heater_texts import say_sheets
+from ..inputs.command_files import check_outputs, section_of
+from ..results.heater_sheets import say_sheets
 
 
 def modes(

@@ -14,10 +14,11 @@ from coupled.runs.pulsing import Pulsing
 from thermofem.data import quantity
 from thermofem.errors import InputError
 
-from .. import drive_texts, options
-from ..command_files import check_outputs, expect, model_of, note_ring, ring_of, section_of
+from .. import options
 from ..console import say, time_bar, working, wrote
-from ..drive_texts import detuning_of, heater_powers, reading, times_of
+from ..inputs import drive_texts
+from ..inputs.command_files import check_outputs, expect, model_of, note_ring, ring_of, section_of
+from ..inputs.drive_texts import detuning_of, heater_powers, reading, times_of
 
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."

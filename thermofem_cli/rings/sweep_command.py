@@ -17,9 +17,9 @@ from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, working, written, wrote
-from ..light_tables import held_of, light_unit, picked
+from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+from ..inputs.light_tables import held_of, light_unit, picked
 
 SWEEPS = "Table of wavelength and of the power at a port, one for each power; slow sweeps, up, down or both."
 FREE = "Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power."

@@ -24,7 +24,7 @@ from coupled.maps.hopf_plane import Window
 from thermofem import InputError, checks
 from thermofem.data import quantity
 
-from .options import unused
+from ..options import unused
 
 NAMED = re.compile(r"^\s*([^=]*[^\s=])\s*=\s*(.*\S)\s*$")
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")

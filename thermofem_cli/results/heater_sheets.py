@@ -3,7 +3,7 @@
 import thermofem as th
 from thermofem.data import quantity
 
-from .console import say
+from ..console import say
 
 PHASES = {"pi": "pi", "fsr": "one free spectral range"}
 

@@ -19,8 +19,8 @@ from thermofem.data import files
 from thermofem.data.number_table import has_rows
 from thermofem.models import ThermalModel
 
-from .console import note
-from .options import REFERENCE_RING
+from ..console import note
+from ..options import REFERENCE_RING
 
 # kind -> what it is, and what takes it
 KINDS = {
