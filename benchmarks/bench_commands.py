@@ -22,7 +22,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli.rings.explore_command import models_of_geometry
+from thermofem_cli.inputs.page_models import models_of_geometry
 
 STRIP = ["solve", "--pulse", "20 us", "-o", "heat.nc"]
 RING = ["simulate", "model.json", "-o", "run.nc"]

@@ -180,7 +180,6 @@ DENSE = {
     "surrogate/reduction/layout_sections.py: of": "a result with all its fields",
     "thermofem/export/spice_heat.py: _coupled": "lines of a netlist",
     "thermofem/export/spice_heat.py: _pin": "lines of a netlist",
-    "thermofem_cli/show_command.py: _card": "lines of a card",
 }
 
 

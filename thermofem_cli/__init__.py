@@ -1,28 +1,27 @@
 """The program ``thermofem``: its commands, and the one place where errors become lines and exit codes.
 
 This package is the only one that imports thermofem, surrogate and coupled at once. A command is a function in a file
-``NAME_command.py``; those on rings are in `light`. To add one:
+``NAME_command.py``; those on rings are in `rings`. To add one:
 
 1. Write the function. Its parameters are the arguments and options, its docstring is the text of --help. What several
    commands share is declared in `options`, and so are the five options that every command has (--json .. --threads; a
-   command declares ``seed`` where it draws at random). Matplotlib alone is imported inside the function. Options that
-   exclude each other go through `options.unused`, and `command_files.check_outputs` comes before the work. Results are
-   printed by `console.say`, hints by `console.note`, names of written files by `console.wrote`; all numbers are
-   returned in SI as a dict, which --json prints. An InputError names the option, the value and the rule.
+   command declares ``seed`` where it draws at random). The function imports what it needs in its body, so that --help
+   and --version load no numerical library. Options that exclude each other go through `options.unused`, and
+   `command_files.check_outputs` comes before the work. Results are printed by `console.say`, hints by `console.note`,
+   names of written files by `console.wrote`; all numbers are returned in SI as a dict, which --json prints. An
+   InputError names the option, the value and the rule.
 2. Add one line to `COMMANDS`, and run ``python docs/generate.py``, which writes docs/commands.md.
 """
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-
-from thermofem import __version__
-from thermofem.errors import InputError, MissingLibraryError, one_line
-from thermofem.models import OutsideTrainingWarning
 
 from .cite_command import cite, reproduce
 from .console import note, print_numbers, settings
@@ -106,7 +105,8 @@ def begin(
     """Options of the whole program."""
     settings.command = context.invoked_subcommand or ""
     if version:
-        print(__version__)
+        source = (Path(__file__).parents[1] / "thermofem" / "__init__.py").read_text(encoding="utf-8")
+        print(*re.findall(r'^__version__ = "(.+?)"', source, re.MULTILINE))  # importing it would take seconds
         raise typer.Exit
     if not settings.command:
         print(context.get_help())
@@ -121,12 +121,11 @@ def main() -> None:
     os.environ.setdefault("MPLBACKEND", "agg")  # figures are files
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
-        warnings.simplefilter("default", OutsideTrainingWarning)
         code, error = _run()
     for warning in caught:
         note(f"warning: {warning.message}")
     if error:
-        print(f"thermofem: {one_line(error)}", file=sys.stderr)
+        print(f"thermofem: {error}", file=sys.stderr)
     sys.exit(code)
 
 
@@ -134,23 +133,35 @@ def _run() -> tuple[int, str]:
     """Run the app; return the exit code and the message of an error, empty without one."""
     try:
         code = app(prog_name="thermofem", standalone_mode=False)
-    except InputError as error:
-        return 2, f"error: {error.for_text()}"
-    except MissingLibraryError as error:
-        return 2, f"error: {error}"
-    except OSError as error:
-        return 2, f"error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")
-    except MemoryError as error:
-        return 2, f"error: it needs more memory than there is ({error or 'MemoryError'})"
     except KeyboardInterrupt:
         code = INTERRUPTED
     except Exception as error:
-        if hasattr(error, "format_message"):  # wrong usage; typer does not export this class of click
-            context: Any = getattr(error, "ctx", None)
-            at = context.command_path if context else "thermofem"
-            return 2, f"error: {error.format_message().rstrip('.')}; `{at} --help` lists what there is"
-        if settings.verbose:
-            raise
-        what = f"unforeseen {type(error).__name__}: {error}"
-        return 70, f"error: {what}; --verbose shows where; please report it"  # sysexits.h: an error of the software
-    return (code, "interrupted" if code == INTERRUPTED else "") if isinstance(code, int) else (0, "")
+        return _explained(error)
+    if code == INTERRUPTED:
+        return code, "interrupted"
+    return (code, "") if isinstance(code, int) else (0, "")
+
+
+def _explained(error: Exception) -> tuple[int, str]:
+    """Return the exit code and the message, one line, of an error; raises an unforeseen one under --verbose."""
+    from thermofem.errors import InputError, MissingLibraryError, one_line
+
+    code = 2
+    if isinstance(error, InputError):
+        text = error.for_text()
+    elif isinstance(error, MissingLibraryError):
+        text = str(error)
+    elif isinstance(error, OSError):
+        text = str(error.strerror or error) + (f": {error.filename}" if error.filename else "")
+    elif isinstance(error, MemoryError):
+        text = f"it needs more memory than there is ({error or 'MemoryError'})"
+    elif hasattr(error, "format_message"):  # wrong usage; typer does not export this class of click
+        context: Any = getattr(error, "ctx", None)
+        command = context.command_path if context else "thermofem"
+        text = f"{error.format_message().rstrip('.')}; `{command} --help` lists what there is"
+    elif settings.verbose:
+        raise error
+    else:
+        code = 70  # sysexits.h: an error of the software
+        text = f"unforeseen {type(error).__name__}: {error}; --verbose shows where; please report it"
+    return code, one_line(f"error: {text}")

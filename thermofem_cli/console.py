@@ -4,6 +4,8 @@ Results are printed on standard output; messages, warnings and bars on standard 
 Under ``--json`` standard output holds one JSON object alone, and results in words follow the messages.
 """
 
+from __future__ import annotations
+
 import contextlib
 import json
 import logging
@@ -13,14 +15,10 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.text import Text
-
-from thermofem.data import files, quantity
-from thermofem.errors import one_line
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
 
 LINE = 20_000  # characters of a line of output, such as the equations of a network
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -42,12 +40,16 @@ settings = Settings()
 
 def say(text: str) -> None:
     """Print one line of results."""
+    from thermofem.errors import one_line
+
     if not (settings.json and settings.quiet):
         print(one_line(text, most=LINE), file=sys.stderr if settings.json else sys.stdout)
 
 
 def note(text: str) -> None:
     """Print one message for people on standard error."""
+    from thermofem.errors import one_line
+
     if not settings.quiet:
         print(one_line(text, most=LINE), file=sys.stderr)
 
@@ -60,6 +62,8 @@ def wrote(*paths: Path | None) -> None:
 
 def terminal(*, err: bool = True) -> Console:
     """Return a console of rich that prints text unchanged, brackets included."""
+    from rich.console import Console
+
     return Console(stderr=err, markup=False, highlight=False, soft_wrap=False)
 
 
@@ -71,6 +75,8 @@ def show(table: RenderableType) -> None:
 
 def print_numbers(numbers: Mapping[str, Any]) -> None:
     """Print what a command returns, in SI, as one JSON object."""
+    from thermofem.data import files
+
     print(json.dumps(files.plain({"command": settings.command, **numbers}), allow_nan=False, default=str))
 
 
@@ -81,12 +87,16 @@ def watched() -> bool:
 
 def working(what: str) -> contextlib.AbstractContextManager[Any]:
     """Show a status line while a block of unknown duration runs."""
+    from rich.text import Text
+
     return terminal().status(Text(what)) if watched() else contextlib.nullcontext()
 
 
 @contextlib.contextmanager
 def bar(what: str) -> Iterator[Callable[..., None]]:
     """Yield ``progress(done, total, words)``, which advances a progress bar labelled with ``words``."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     columns = TextColumn("{task.description}", markup=False), BarColumn(20), TextColumn("{task.fields[words]}")
     clocks = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
     with Progress(*columns, *clocks, console=terminal(), transient=True, disable=not watched()) as drawn:
@@ -135,6 +145,8 @@ def configure(*, json: bool, quiet: bool, verbose: bool, threads: int | None) ->
 
 def written(value: float, unit: str, error: float | None = None) -> str:
     """Return a number with its unit as text: four digits, or up to the second digit of its standard error."""
+    from thermofem.data import quantity
+
     text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
     if error is None:
         return text

@@ -3,28 +3,13 @@
 The quantities of --period and --map are those of `coupled.ring_family`.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from scipy import stats
-
-import surrogate
-import thermofem as th
-from coupled import RingResonator
-from coupled.ring_family import MovingRing, PulsingMap, SettledPeriod, ring_at
-from coupled.thermal import as_read, check_geometry, geometry_of, mode_of
-from surrogate.family import Family
-from surrogate.family.family import ChannelNames
-from thermofem import InputError, checks
-from thermofem.data import quantity
-from thermofem.ring_temperature import check_read, detuning_output
 
 from . import options
-from .command_files import check_outputs, expect, note_ring, ring_of
 from .console import note, say, working, written, wrote
-from .drive_texts import assigned, detuning_of, grid, reading
 
 
 def design(
@@ -44,6 +29,13 @@ def design(
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
+    import surrogate
+    from thermofem import InputError
+    from thermofem.data import quantity
+
+    from .inputs.command_files import expect
+    from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, units_of
+
     if not period:
         options.unused(context, "goes with --period", "power", "detuning", "ring")
     expect(file, "family")
@@ -137,6 +129,14 @@ def uncertainty(
 
     For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
     """
+    import surrogate
+    import thermofem as th
+    from coupled.ring_family import PulsingMap
+
+    from .inputs.command_files import check_outputs, expect
+    from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, spreads_of, units_of
+    from .inputs.light_drives import grid
+
     options.unused(context, *(("and --map exclude each other", "period") if map_ else ("goes with --map", "points")))
     if not (map_ or period):
         options.unused(context, "goes with --period or --map", "power", "detuning", "ring")
@@ -208,87 +208,8 @@ def _change(row: Any, unit: str) -> str:
     return f"{written(whole, unit)}, {written(heat, unit)} by heat and {written(whole - heat, unit)} by light"
 
 
-def units_of(family: Family) -> dict[str, str]:
-    """Return the SI unit of every parameter by its name."""
-    return dict(zip(family.names, family.box.units, strict=True))
-
-
-def fixed_of(family: Family, given: list[str] | None) -> dict[str, float]:
-    """Return the parameters of --fix 'radius=7 um' by name, in SI."""
-    texts = _of_parameters(family, "--fix", given, "radius=7 um")
-    return {name: quantity.parse(text, unit, name=f"--fix {name}") for name, (unit, text) in texts.items()}
-
-
-def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
-    """Return the normal distributions of --spread 'width=450 nm,5 nm' by parameter, in SI."""
-    spreads = {}
-    for name, (unit, text) in _of_parameters(family, "--spread", given, "width=450 nm,5 nm").items():
-        with reading(f"--spread '{name}={text}'", "PARAMETER=MEAN, STANDARD DEVIATION, such as 'width=450 nm,5 nm'"):
-            mean, width = text.split(",")
-        centre = quantity.parse(mean.strip(), unit, name=f"--spread {name}")
-        spreads[name] = stats.norm(centre, quantity.positive(width.strip(), unit, name=f"--spread {name}"))
-    return spreads
-
-
 def _with_range(row: Any, kind: str) -> str:
     """A Sobol index with its interval of 95 % probability."""
     low = row[f"{kind}_low"].item()
     high = row[f"{kind}_high"].item()
     return f"{row[kind].item():.3f} ({low:.3f} .. {high:.3f})"
-
-
-def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelNames:
-    """The channel of --heated and --read; the error has the options' names."""
-    for option, part, parts in (("--heated", heated, family.inputs), ("--read", read, family.outputs)):
-        if part is not None:
-            checks.choice(option, part, parts)
-    return family.named_channel(heated, read)
-
-
-def ring_for(family: Family, channel: ChannelNames, given: str, read: str | None) -> tuple[RingResonator, ChannelNames]:
-    """Return the ring of --ring, and the channel that drives it: the output that it reads where --read names none.
-
-    Default is the ring of the family's geometry, if this has [light] and [[bus]].
-    """
-    own = family.optics
-    if given == options.REFERENCE_RING and own is not None and {"loss", "kappa 0"} <= {*own.names}:
-        found = ring_at(family, family.box.nominal)
-        note(f"the ring is computed from the geometry: {found.name}; carriers of {given}")
-    else:
-        found = ring_of(given)
-        note_ring(found, given)
-        check_geometry(found, family)
-    output = read or detuning_output(found.read, channel.heated, family.outputs)
-    channel = replace(channel, read=output)
-    mode = mode_of(family)
-    check_read(found, geometry_of(family), channel.heated, output, mode=mode, chosen=read is not None)
-    middle = family.of_channel(channel, dict(zip(family.names, family.box.middle.tolist(), strict=True)))
-    return as_read(found, middle), channel
-
-
-def optics_of(family: Family, ring: RingResonator) -> MovingRing | None:
-    """Return how the ring's optical numbers depend on the geometry; None where the family has no optics."""
-    if family.optics is None:
-        note(
-            "the optics stand still, this is the thermal part alone; [light] and [[bus]] in the geometry of the "
-            "family move them"
-        )
-        return None
-    moving = MovingRing(family, ring)
-    at = ", ".join(f"{name} = {written(value, units_of(family)[name])}" for name, value in moving.at.items())
-    buses = "" if "kappa 0" in family.optics.names else "; no [[bus]]: kappa^2 stands still"
-    note(f"the optics move with the geometry, from the ring as it is at {at}{buses}")
-    return moving
-
-
-def _of_parameters(family: Family, option: str, given: list[str] | None, example: str) -> dict[str, tuple[str, str]]:
-    """Return unit and text of every parameter in a repeatable option 'PARAMETER=VALUE', by name."""
-    units = units_of(family)
-    texts = assigned(option, given or [], example)
-    return {checks.choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
-
-
-def settled_of(ring: RingResonator, power: str, detuning: str) -> SettledPeriod:
-    """Return the settled period as a function of the member."""
-    watts = quantity.parse(power, "W", name="--power")
-    return SettledPeriod(ring, watts, detuning_of(detuning, ring))

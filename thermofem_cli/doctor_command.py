@@ -8,18 +8,14 @@ from collections.abc import Callable
 from shutil import which
 from typing import Any
 
-from rich.table import Table
-from rich.text import Text
-
-from coupled.kernel.library import library
-from thermofem import strip_ring
-from thermofem.mesh import committed_mesh, gmsh_problem
-
 from .console import show
 
 
 def doctor() -> dict[str, Any]:
     """Say what works on this machine, and what is missing for what does not."""
+    from rich.table import Table
+    from rich.text import Text
+
     checks: dict[str, Any] = {}
     table = Table("check", "", "what was found", box=None)
     passed = True
@@ -58,16 +54,23 @@ def _packages() -> tuple[str, str | None]:
 
 
 def _meshes() -> tuple[str, str | None]:
+    from thermofem import strip_ring
+    from thermofem.mesh import committed_mesh
+
     missing = [a for a in (1e-3, 1e-4) if committed_mesh(strip_ring(), a) is None]
     problem = f"no mesh of the reference strip at {missing}; reinstall" if missing else None
     return "reference strip at 1e-3 and 1e-4", problem
 
 
 def _mesher() -> tuple[str, str | None]:
+    from thermofem.mesh import gmsh_problem
+
     return "gmsh can mesh new geometries", gmsh_problem()
 
 
 def _kernel() -> tuple[str, str | None]:
+    from coupled.kernel.library import library
+
     try:
         library()
     except (OSError, RuntimeError) as error:

@@ -5,18 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-import coupled
-import surrogate
-import thermofem as th
-from coupled.export import export_ring as rings
-from coupled.export.lit_part import lit_channel
-from surrogate.export import FORMATS
-from thermofem import InputError, checks
-from thermofem.data import quantity
-from thermofem.export.export_header import is_export
-
-from . import drive_texts, options
-from .command_files import check_outputs, expect, ring_of
+from . import options
 from .console import note, working, wrote
 
 OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
@@ -36,6 +25,18 @@ def export(
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
 ) -> dict[str, Any]:
     """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
+    import coupled
+    import surrogate
+    import thermofem as th
+    from coupled.export import export_ring as rings
+    from surrogate.export import FORMATS
+    from thermofem import InputError, checks
+    from thermofem.data import quantity
+    from thermofem.export.export_header import is_export
+
+    from .inputs.command_files import check_outputs, expect, ring_of
+    from .inputs.light_drives import detuning_of
+
     if to is None:
         raise InputError(f"--to is missing: the format, one of {', '.join(FORMATS)}")
     ending = FORMATS[checks.choice("--to", to, FORMATS)].ending
@@ -66,7 +67,7 @@ def export(
     else:
         watts = quantity.not_negative(power, "W", name="--power")
         resonators = light.resonators if isinstance(light, coupled.Circuit) else (light,)
-        hertz = drive_texts.detuning_of(detuning, resonators[0])  # of a circuit pm are those of the first ring
+        hertz = detuning_of(detuning, resonators[0])  # of a circuit pm are those of the first ring
         if isinstance(light, coupled.RingResonator):
             with working("settled period"):
                 period = _period(light, loaded, watts, hertz)
@@ -77,6 +78,10 @@ def export(
 
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
     """Return the settled period in s; None, with a message, where the ring does not pulse."""
+    import coupled
+    from coupled.export.lit_part import lit_channel
+    from thermofem import InputError
+
     channel = lit_channel(model, ring.read)
     try:
         return float(coupled.limit_cycle(ring, channel, power=power, detuning=detuning).attrs["period"])

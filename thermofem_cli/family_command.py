@@ -6,12 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-import surrogate
-import thermofem as th
-from thermofem.data import quantity
-
 from . import options
-from .command_files import about, check_outputs, expect
 from .console import bar, say, working, written, wrote
 
 
@@ -31,6 +26,11 @@ def family(
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign."""
+    import surrogate
+    from thermofem.data import quantity
+
+    from .inputs.command_files import check_outputs, expect
+
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
     hot = None if power is None else quantity.parse(power, "W", name="--power")
@@ -70,6 +70,12 @@ def calibrate(
     read: options.Read = None,
 ) -> dict[str, Any]:
     """Find the ring of a family that explains thermal traces best, with standard errors."""
+    import surrogate
+    import thermofem as th
+    from thermofem.data import quantity
+
+    from .inputs.command_files import about, expect
+
     if noise is not None:
         with contextlib.suppress(ValueError):
             noise = f"{float(noise)!r} K"

@@ -1,27 +1,22 @@
 """``thermofem fit``: training data or a measured table in, a compact model out."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import xarray as xr
-
-import surrogate
-import thermofem as th
-from thermofem import InputError, checks
-from thermofem.data import files, quantity
-from thermofem.data.measured_trace import check_text
 
 from . import options
-from .command_files import about, check_outputs, expect, in_volts, kind_of
-from .console import note, parameter_unit, say, working, written, wrote
-from .drive_texts import heating
+from .console import parameter_unit, say, working, written, wrote
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    import thermofem as th
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
-TABLE = "a table of numbers"
-OF_TABLES = "columns", "units", "time", "temperature", "sensitivity", "start", "baseline", "fall", "readout"
-DRIVE = "power", "pulse", "square", "duty"
 
 
 def fit(
@@ -67,6 +62,14 @@ def fit(
     For a table (thermofem fit scope.csv --pulse "4 us" --power "1.3 mW") --power, --pulse or --square say what was
     applied. The offset is subtracted, the start of the heating is found, and what was assumed is printed.
     """
+    import surrogate
+    import thermofem as th
+    from thermofem import checks
+    from thermofem.data import files, quantity
+
+    from .inputs.command_files import about, check_outputs, in_volts
+    from .inputs.training_files import read_channel, training_of
+
     checks.choice("--kind", kind, KINDS)
     mzi: th.MZI | None = None
     if readout is None:
@@ -89,9 +92,9 @@ def fit(
     read_as: dict[str, Any] = {"columns": columns, "units": units, "time": time, "temperature": temperature}
     read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall}
     read_as |= {"heated": heated, "read": read, "light": mzi is not None}
-    training, assumed = _training(context, data, read_as)
+    training, assumed = training_of(context, data, read_as)
     with about(data):
-        training = [_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
+        training = [read_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
         with working("training"):
             found = _trained(kind, training, order, mzi)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
@@ -113,17 +116,6 @@ def fit(
     }
 
 
-def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None) -> xr.Dataset:
-    """Return the data of the part that --heated and --read name; a table gets the names as attributes."""
-    if kind_of(path) == "table":
-        return data
-    was = data.attrs.get("heated")
-    if heated is not None and was is not None and heated != was:
-        raise InputError(f"--heated = {heated!r}, but {path} says that {was!r} was heated")
-    data = data if heated is None else data.assign_attrs(heated=heated)
-    return data if read is None else th.dataset.at_probe(data, read)
-
-
 def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     """Draw the trace, the model and their difference."""
     from surrogate.plot import plot_fit
@@ -134,6 +126,8 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
 
 def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI | None) -> Any:
     """Return the fit of a kind of model; "sindy" gives a network of the core and the shells around it."""
+    import surrogate
+
     if kind == "newton":
         return surrogate.fit_newton(training)
     if kind == "second-order":
@@ -144,39 +138,6 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
         return surrogate.fit_sindy(training[0])
     poles = int(order) if order is not None and order.isdigit() else order or "auto"
     return surrogate.fit_foster(training, order=poles, readout=readout)
-
-
-def _training(context: typer.Context, paths: list[Path], read_as: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
-    """Return the training data of every file, and the assumptions made for tables (read with ``read_as``)."""
-    for path in paths:
-        check_text(files.regular(path))
-        expect(path, "data", "table")
-    drive = [context.params[name] for name in DRIVE]
-    tables = [path for path in paths if kind_of(path) == "table"]
-    if not tables:
-        why = f"is for {TABLE}; netCDF data say themselves what was applied"
-        options.unused(context, why, *DRIVE, *OF_TABLES)
-        return [th.load(path) for path in paths], []
-    if drive[0] is None:
-        raise InputError(
-            f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
-            "with a column of power, thermofem.read_trace makes training data of it"
-        )
-    wave = heating(context, *drive)
-    training: list[xr.Dataset] = []
-    assumed: list[str] = []
-    for path in paths:
-        if path not in tables:
-            training.append(th.load(path))
-            continue
-        with working(f"reading {path.name}"):
-            trace = th.read_trace(path, wave, **read_as)
-        lines = [f"{path.name}: {line}" for line in trace.attrs["assumed"].splitlines()]
-        for line in lines:
-            note(line)
-        assumed += lines
-        training.append(trace)
-    return training, assumed
 
 
 def _print(found: Any, kind: str, kelvin: str) -> None:

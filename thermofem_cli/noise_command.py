@@ -1,20 +1,16 @@
 """``thermofem noise``: thermo-refractive noise of the ring of one geometry, from the matrices of its heat."""
 
-from typing import Annotated, Any
+from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
-import xarray as xr
-
-import thermofem as th
-from thermofem.data import quantity
-from thermofem.fluctuations import linewidth
 
 from . import options
-from .command_files import check_outputs, section_of, write_columns
 from .console import say, working, wrote
-from .drive_texts import RANGE, reading
-from .rings.modes_command import wavelength_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 POINTS = 181
 PRINTED = (1e3, 1e5, 1e7)  # Hz
@@ -36,6 +32,14 @@ def noise(
 
     The table has frequency and one-sided density, as programs for combs read it.
     """
+    import numpy as np
+
+    import thermofem as th
+    from thermofem.data import quantity
+
+    from .inputs.command_files import check_outputs, section_of, write_columns
+    from .inputs.drive_texts import RANGE, reading, wavelength_of
+
     section = section_of(geometry)
     check_outputs([figure, csv], images=[figure], inputs=[geometry])
     kelvin = None if temperature is None else quantity.parse(temperature, "K", name="--temperature")
@@ -64,6 +68,9 @@ def noise(
 
 def _said(data: xr.Dataset, mode: Any) -> dict[str, Any]:
     """Print and return rms values, three densities, and the linewidth that they make."""
+    from thermofem.data import quantity
+    from thermofem.fluctuations import linewidth
+
     a = data.attrs
     kelvin = a["temperature"]
     shift = a["thermal_shift"]

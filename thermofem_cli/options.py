@@ -1,20 +1,21 @@
 """Arguments and options that several commands take, each declared once; processes and clusters of --workers."""
 
+from __future__ import annotations
+
 import contextlib
 import functools
 import inspect
+import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from coupled.parameters import published_rings
-from thermofem.campaign.stored_tasks import processes
-from thermofem.errors import InputError, MissingLibraryError
-
 from . import console
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random.")]
 JSON = "Print results as JSON on standard output and messages on standard error."
@@ -46,7 +47,7 @@ HEATER = (
 VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
 
 REFERENCE_RING = "borghi2021"
-RING = f"Ring file (TOML), or one of {', '.join(published_rings())}"
+RING = "Ring file (TOML), or one of borghi2021, borghi2021-lumped, vanvaerenbergh2012"
 Ring = Annotated[str, typer.Option(help=f"{RING}; a lumped one goes with Newton's law.")]
 Power = Annotated[str, typer.Option(help="Power in the bus waveguide.")]
 Detuning = Annotated[
@@ -54,6 +55,16 @@ Detuning = Annotated[
 ]
 Powers = Annotated[str, typer.Option("--power", help="First and last power in the bus waveguide.")]
 Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser minus cold resonance.")]
+
+
+class PlaneTexts(NamedTuple):
+    """First and last power and detuning of a plane, as the options take them."""
+
+    power: str
+    detuning: str
+
+
+PAPER_PLANE = PlaneTexts("3 dBm, 10 dBm", "-30 GHz, 30 GHz")
 PowersAbout = Annotated[
     str | None,
     typer.Option(
@@ -94,6 +105,8 @@ Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")
 
 def unused(context: typer.Context, why: str, *names: str) -> None:
     """Raise InputError where one of these options is given although it has no effect; ``why`` is the reason."""
+    from thermofem.errors import InputError
+
     for name in names:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
@@ -117,6 +130,9 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **given: Any) -> Any:
+        from thermofem.models import OutsideTrainingWarning
+
+        warnings.simplefilter("default", OutsideTrainingWarning)  # `main` ignores the others
         console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)
         return command(**{name: value for name, value in given.items() if name in own})
 
@@ -131,6 +147,9 @@ def executor_of(context: typer.Context, scheduler: str | None, workers: int = 1)
 
     Raises InputError: --workers beside --scheduler, or one that does not answer. Raises MissingLibraryError: no Dask.
     """
+    from thermofem.campaign.stored_tasks import processes
+    from thermofem.errors import InputError, MissingLibraryError
+
     if not scheduler:
         with processes(workers) if workers > 1 else contextlib.nullcontext() as pool:
             yield pool

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 from commands import process, thermofem
 
+import coupled
 import thermofem as th
+from thermofem_cli import options
 
 GEOMETRY, ONE_POLE = th.strip_ring().to_toml(), th.Foster(R=[5e3], tau=[1e-6])
 
@@ -19,6 +22,32 @@ def test_help_and_version(tmp_path):
     for command in ("solve", "campaign", "reproduce", "doctor"):
         assert command in done.stdout
     assert process("--version", cwd=tmp_path).stdout.strip() == th.__version__
+
+
+STARTED = "import sys; from thermofem_cli import main; sys.argv = {}\ntry: main()\nfinally: print(*sys.modules)"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "absent"),
+    [
+        (["--version"], {"thermofem", "numpy", "scipy", "skfem", "xarray", "rich.console"}),
+        (["--help"], {"thermofem", "numpy", "scipy", "skfem", "xarray"}),
+        (["solve", "--no-solve"], {"coupled", "surrogate", "gmsh"}),
+        (["simulate", "absent.json"], {"surrogate", "skfem.visuals", "gmsh", "matplotlib"}),
+    ],
+    ids=lambda given: given[0] if isinstance(given, list) else "",
+)
+def test_a_command_imports_what_it_needs(tmp_path, arguments, absent):
+    code = STARTED.format(["thermofem", *arguments])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False)
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "thermofem_cli" in loaded
+    assert loaded & absent == set()
+
+
+def test_the_help_names_the_published_rings():
+    for name in coupled.parameters.published_rings():
+        assert name in options.RING
 
 
 def test_solve_writes_what_the_library_computes(tmp_path):

@@ -12,7 +12,7 @@ from commands import thermofem
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli import drive_texts
+from thermofem_cli.inputs import drive_texts
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ import coupled
 import thermofem as th
 from coupled.equilibria.transmission import sweep
 from coupled.ring_toml import write_text
-from thermofem_cli.light_tables import light_unit, watts_of
-from thermofem_cli.rings.identify_command import _table
+from thermofem_cli.inputs.light_tables import drop_table, light_unit, watts_of
 
 ONE = replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
 TRUE = {"bus_rate": 3e9, "loss_rate": 6e9, "frequency": c / 1550.3e-9, "thermal_resistance": 9e3}
@@ -81,7 +80,7 @@ def test_a_trace_in_dbm_is_in_watts(tmp_path, header, units):
     """0 dBm is 1 mW and -10 dBm .1 mW."""
     rows = np.column_stack([np.arange(5), [0, -10, 0, -10, 0]])
     np.savetxt(tmp_path / "t.csv", rows, delimiter=",", header=header, comments="")
-    trace = _table(tmp_path / "t.csv", "1,2", units)
+    trace = drop_table(tmp_path / "t.csv", "1,2", units)
     assert trace["drop"].attrs["units"] == "W"
     np.testing.assert_allclose(trace["drop"].values, [1e-3, 1e-4, 1e-3, 1e-4, 1e-3], rtol=1e-12)
     np.testing.assert_allclose(trace["time"].values, 1e-6 * np.arange(5), rtol=1e-12)

@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from coupled.explore.contents import RESISTANCE, published, same_numbers, window_of
 from coupled.resonator import PUBLISHED
-from thermofem_cli.command_files import ring_of
+from thermofem_cli.inputs.command_files import ring_of
 
 MODEL = th.Foster(R=[2e3, 2e3], tau=[1e-7, 15e-6])  # has no folds of cycles, which a page takes seconds for
 LOSSY = replace(coupled.borghi2021(), loss_rate=9e9).with_lumped_fcd()  # bears the name of the published ring

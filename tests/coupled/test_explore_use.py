@@ -16,7 +16,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.explore import MOVED
-from thermofem_cli.rings.explore_command import models_of_geometry
+from thermofem_cli.inputs.page_models import models_of_geometry
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ import thermofem as th
 from coupled import ring_toml
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
-from thermofem_cli.command_files import kind_of
+from thermofem_cli.inputs.command_files import kind_of
 
 Reader = Callable[[str, Path], Any]
 

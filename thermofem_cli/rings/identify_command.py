@@ -4,20 +4,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import xarray as xr
-
-import coupled
-import surrogate
-import thermofem as th
-from coupled.identification.held_numbers import leaning
-from thermofem.data import files, quantity
-from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, watched, written, wrote
-from ..drive_texts import detuning_of
-from ..light_tables import held_of, light_unit, picked, watts_of
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
 UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."
@@ -48,7 +37,17 @@ def identify(
 
     The thermal model is written beside the ring file, with the ending .json.
     """
+    import coupled
+    import thermofem as th
+    from coupled.identification.held_numbers import leaning
     from coupled.ring_toml import write_text
+    from thermofem.data import files, quantity
+    from thermofem.errors import InputError
+    from thermofem.models import save_model
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.light_drives import detuning_of
+    from ..inputs.light_tables import drop_table, held_of
 
     for path in traces:
         files.regular(path)
@@ -62,7 +61,7 @@ def identify(
             raise InputError(f"{option} is given {len(given)} times for {len(tables)} tables; give one for each")
     seen = [] if len(tables) == len(traces) else [th.load(path) for path in traces if path not in tables]
     for path, watts, shift in zip(tables, power or [], detuning or [], strict=True):
-        one = _table(path, columns, units)
+        one = drop_table(path, columns, units)
         one.attrs = {
             "input_power": quantity.positive(watts, "W", name="--power"),
             "detuning": detuning_of(shift, resonator),
@@ -74,7 +73,7 @@ def identify(
         seed=seed, show_bar=watched(), held=deviations,
     )  # fmt: skip
     output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "identified")), encoding="utf-8")
-    surrogate.save_model(found.model, heat)
+    save_model(found.model, heat)
     if figure:
         from coupled.plot import plot_identification
         from thermofem.plot import save_figure
@@ -110,23 +109,3 @@ def identify(
         "notes": list(found.notes),
         "wrote": [path for path in (output, heat, figure) if path],
     }
-
-
-def _table(path: Path, columns: str, units: str | None) -> xr.Dataset:
-    """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states."""
-    from thermofem.data.number_table import number_table
-
-    table = number_table(path.read_bytes())
-    time, signal = picked(table, columns)
-    stated = units.split(",") if units else ["", ""]
-    if len(stated) != 2:
-        raise InputError(f"--units = {units!r} must be two units", 'such as "us,mV"')
-    t = time.values
-    time_unit = stated[0].strip() or time.unit
-    if not time_unit and t[-1] - t[0] > 1.0:  # hardly seconds
-        raise InputError(f"the times of {path} state no unit and span {t[-1] - t[0]:g}", 'give --units "us,mV"')
-    t = t * quantity.parse(f"1 {time_unit or 's'}", "s", name="--units")
-    drop, unit = watts_of(f"{path}: {signal.label}", signal.values, stated[1].strip() or light_unit(signal))
-    if unit != "W":
-        note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
-    return xr.Dataset({"drop": ("time", drop, {"units": unit})}, {"time": t})

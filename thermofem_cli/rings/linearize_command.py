@@ -1,20 +1,20 @@
 """``thermofem linearize``: the small-signal answer of a ring at a steady state, for a lock."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
-import xarray as xr
-
-import coupled
-from thermofem import checks
-from thermofem.data import quantity
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of, write_columns
 from ..console import say, working, wrote
-from ..drive_texts import detuning_of, steady_heaters
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+    import coupled
 
 POINTS = 401  # of the Bode plot
 
@@ -38,6 +38,16 @@ def linearize(
 
     --json prints the matrices A, B, C, D in SI.
     """
+    import numpy as np
+
+    import coupled
+    from thermofem import checks
+    from thermofem.data import quantity
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.heater_drives import steady_heaters
+    from ..inputs.light_drives import detuning_of
+
     check_outputs([figure, csv], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     watts = quantity.positive(power, "W", name="--power")
@@ -68,6 +78,10 @@ def linearize(
 
 def _said(linear: coupled.Linear, response: xr.Dataset, given: str) -> dict[str, Any]:
     """Print and return stability, R_eff, and gain and bandwidth from one input to drop power and temperature."""
+    import numpy as np
+
+    from thermofem.data import quantity
+
     leading = linear.eigenvalues[0]
     oscillates = f", oscillating at {quantity.rounded(abs(leading.imag) / (2 * np.pi), 'Hz')}" if leading.imag else ""
     word = "stable" if linear.stable else "UNSTABLE: the answer below is that of small departures while they are small"
@@ -91,6 +105,8 @@ def _said(linear: coupled.Linear, response: xr.Dataset, given: str) -> dict[str,
 
 def _bandwidth(f: np.ndarray, size: np.ndarray, static: float) -> float | None:
     """The lowest frequency (Hz) at which the magnitude is below static/sqrt(2); None where it is nowhere."""
+    import numpy as np
+
     below = np.flatnonzero(size < static / np.sqrt(2))
     if not below.size or not below[0]:
         return None
@@ -101,6 +117,10 @@ def _bandwidth(f: np.ndarray, size: np.ndarray, static: float) -> float | None:
 
 def _write(response: xr.Dataset, path: Path) -> None:
     """Write magnitude and phase of every output over frequency."""
+    import numpy as np
+
+    from ..inputs.command_files import write_columns
+
     values = response["response"]
     columns = {"frequency (Hz)": values["frequency"].values}
     for name in values["output"].values:

@@ -1,36 +1,12 @@
 """``thermofem map`` and ``stability``: where a ring self-pulses, by integration or by linear stability."""
 
-import math
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
-import numpy as np
 import typer
-import xarray as xr
-
-import coupled
-import thermofem as th
-from coupled import RingResonator
-from coupled.heaters import constant
-from coupled.maps.hopf_plane import threshold_plane
-from coupled.ring_from import tuning
-from coupled.thermal import as_read, without_origin
-from thermofem.data import quantity
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
-from ..console import note, say, watched, working, written, wrote
-from ..drive_texts import grid, steady_heaters
-
-
-class AxisTexts(NamedTuple):
-    """First and last power and detuning of a plane, as the options take them."""
-
-    power: str
-    detuning: str
-
-
-PAPER_PLANE = AxisTexts("3 dBm, 10 dBm", "-30 GHz, 30 GHz")
+from ..console import say, watched, working
 
 
 def map_(
@@ -40,8 +16,8 @@ def map_(
     heated: options.Heated = None,
     read: options.Read = None,
     heater: options.Heater = None,
-    power: options.Powers = PAPER_PLANE.power,
-    detuning: options.Detunings = PAPER_PLANE.detuning,
+    power: options.Powers = options.PAPER_PLANE.power,
+    detuning: options.Detunings = options.PAPER_PLANE.detuning,
     points: options.Points = "20, 20",
     duration: Annotated[
         str | None, typer.Option(help="Length of a run from a cold ring; without it, settled cycles.")
@@ -57,6 +33,14 @@ def map_(
     output: options.Output = Path("map.nc"),
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
+    import coupled
+    from thermofem.data import quantity
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.heater_drives import steady_heaters
+    from ..inputs.light_drives import grid
+    from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
+
     check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
@@ -75,124 +59,9 @@ def map_(
         )
     if figure:
         draw_map(found, figure, ("regime", "frequency", "duty"), resonator, thermal, powers, parts)
-    if not _shows_threshold(found):
-        _note_options(_threshold_axes(resonator, thermal, powers, parts))
-    return _written(found, output, figure, resonator, thermal, parts)
-
-
-def _written(
-    found: xr.Dataset,
-    output: Path,
-    figure: Path | None,
-    ring: RingResonator,
-    model: th.models.ThermalModel,
-    parts: dict[str, Any],
-) -> dict[str, Any]:
-    """Write a map to a file; print and return its regimes, thresholds and thermal tuning."""
-    th.save(found, output)
-    names, counts = np.unique(found["regime"].values, return_counts=True)
-    points = dict(zip(map(str, names), map(int, counts), strict=True))
-    say(", ".join(f"{count} {name}" for name, count in points.items()))
-    thresholds = say_thresholds(found)
-    numbers = {"thresholds": thresholds, **say_tuning(ring, model, **parts)}
-    wrote(output, figure)
-    return {"points": points, **numbers, "map": output, "figure": figure}
-
-
-def _shows_threshold(found: xr.Dataset) -> bool:
-    """Whether a map has self-pulsing, and not at its lowest power already."""
-    pulsing = (found["regime"] == "self-pulsing").any("detuning").values
-    return bool(pulsing.any() and not pulsing[0])
-
-
-def _note_options(plane: AxisTexts | None) -> None:
-    """Print the options of a map of a plane."""
-    if plane is not None:
-        note(f'--power "{plane.power}" --detuning "{plane.detuning}" maps the plane about it')
-
-
-def _threshold_axes(
-    ring: RingResonator, model: th.models.ThermalModel, heaters: dict[str, Any], parts: dict[str, Any]
-) -> AxisTexts | None:
-    """Return the axes of the plane about the lowest Hopf point, which is printed; None where there is no Hopf curve."""
-    warmed = constant(model, ring.read, heaters, **parts)
-    threshold = threshold_plane(as_read(ring, warmed.model), without_origin(warmed.model))
-    if threshold is None:
-        note("the ring has no Hopf curve with this model, at any power up to 1 W")
-        return None
-    turned = warmed.turned(ring)
-    lowest, window = threshold
-    level = 10 * math.log10(lowest.power / 1e-3)
-    place = quantity.rounded(lowest.detuning - turned, "Hz")
-    note(f"the Hopf curve begins at {quantity.rounded(lowest.power, 'W')} ({level:.2f} dBm), at {place}")
-    powers = [quantity.rounded(power, "W") for power in window.powers]
-    detunings = [quantity.rounded(detuning - turned, "Hz") for detuning in window.detunings]
-    return AxisTexts(", ".join(powers), ", ".join(detunings))
-
-
-def say_tuning(ring: RingResonator, model: th.models.ThermalModel, **parts: str | None) -> dict[str, float]:
-    """Print and return the thermal tuning: pm/K, nm per mW, and if known the power for half a free spectral range."""
-    found = tuning(ring, model, **parts)
-    kelvin = f"{found['shift_per_kelvin'] * 1e12:.3g} pm/K"
-    watt = f"{found['shift_per_watt'] * 1e6:.3g} nm"
-    pi = f", pi power {written(found['pi_power'], 'W')}" if "pi_power" in found else ""
-    say(f"resonance: {kelvin}, {watt} per mW absorbed{pi}")
-    return found
-
-
-def say_thresholds(found: xr.Dataset) -> dict[str, float | None]:
-    """Print and return the lowest power of a map (W) with self-pulsing, and with bistability; None without."""
-    thresholds: dict[str, float | None] = {}
-    for regime in ("self-pulsing", "bistable"):
-        rows = (found["regime"] == regime).transpose("power", "detuning").values
-        at = [k for k, row in enumerate(rows) if row.any()]
-        thresholds[regime] = float(found["power"][at[0]]) if at else None
-        if not at:
-            continue
-        watts, hertz = found["power"].values, found["detuning"].values[rows[at[0]]]
-        below = f"none at {quantity.rounded(watts[at[0] - 1], 'W')}" if at[0] else "the lowest power of the map"
-        dbm = 10 * math.log10(watts[at[0]] / 1e-3)
-        where = quantity.rounded(float(hertz[0]), "Hz")
-        where += f" to {quantity.rounded(float(hertz[-1]), 'Hz')}" if hertz.size > 1 else ""
-        say(f"{regime} from {quantity.rounded(watts[at[0]], 'W')} ({dbm:.2f} dBm) on, at {where} ({below})")
-    return thresholds
-
-
-def draw_map(
-    found: xr.Dataset,
-    path: Path,
-    show: tuple[str, ...],
-    ring: RingResonator,
-    model: th.models.ThermalModel,
-    heaters: dict[str, Any],
-    parts: dict[str, Any],
-) -> None:
-    """Draw a map with the Hopf curves, the folds of fixed points and those of cycles of a linear model."""
-    from coupled.plot import plot_maps
-    from thermofem.plot import save_figure
-
-    warmed = constant(model, ring.read, heaters, **parts)
-    thermal, turned = warmed.model, warmed.turned(ring)  # Hz, by which the heaters move the resonance
-    ring = as_read(ring, thermal)
-    thermal = without_origin(thermal)
-    axes = found["power"].values, found["detuning"].values + turned
-    hopf = []
-    folds = []
-    if not hasattr(thermal, "H"):
-        with working("following the Hopf curves, the folds of fixed points and those of cycles"):
-            hopf = coupled.hopf_curves(ring, thermal, *axes)
-            folds = [
-                *coupled.fold_curves(ring, thermal, *axes),
-                *coupled.cycles.cycle_folds.cycle_fold_curves(ring, thermal, *axes),
-            ]
-    for curve in (*hopf, *folds):
-        curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
-    states = getattr(thermal, "order", None)
-    size = f" with {states} states" if isinstance(states, int) else ""
-    words = [ring.name, f"{type(thermal).__name__}{size}, R_th = {thermal.thermal_resistance / 1e3:.4g} K/mW"]
-    words += [f"{name} at {quantity.rounded(power, 'W', 4)}" for name, power in warmed.rest.powers.items()]
-    title = ", ".join(words)
-    save_figure(plot_maps({title: found}, show=show, hopf={title: hopf}, folds={title: folds})[0, 0], path)
+    if not shows_threshold(found):
+        note_options(threshold_axes(resonator, thermal, powers, parts))
+    return write_map(found, output, figure, resonator, thermal, parts)
 
 
 def stability(
@@ -208,26 +77,34 @@ def stability(
     output: options.Output = Path("stability.nc"),
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
+    import coupled
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.heater_drives import steady_heaters
+    from ..inputs.light_drives import grid
+    from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
+
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, heated, read, powers)
-    ends = AxisTexts(power or PAPER_PLANE.power, detuning or PAPER_PLANE.detuning)
+    paper = options.PAPER_PLANE
+    ends = (power or paper.power, detuning or paper.detuning)
     grid(resonator, *ends, points)  # so that what is wrong with them is said first
     plane = None
     if power is None or detuning is None:
         with working("following the Hopf curve"):
-            plane = _threshold_axes(resonator, thermal, powers, parts)
-        default = plane or PAPER_PLANE
-        ends = AxisTexts(power or default.power, detuning or default.detuning)
+            plane = threshold_axes(resonator, thermal, powers, parts)
+        default = plane or paper
+        ends = (power or default.power, detuning or default.detuning)
     axes = grid(resonator, *ends, points)
     with working("finding fixed points and their eigenvalues"):
         found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
     note_ring(resonator, ring)
     if figure:
         draw_map(found, figure, ("regime",), resonator, thermal, powers, parts)
-    if (power or detuning) and not _shows_threshold(found):
+    if (power or detuning) and not shows_threshold(found):
         if power and detuning:
-            plane = _threshold_axes(resonator, thermal, powers, parts)
-        _note_options(plane)
-    return _written(found, output, figure, resonator, thermal, parts)
+            plane = threshold_axes(resonator, thermal, powers, parts)
+        note_options(plane)
+    return write_map(found, output, figure, resonator, thermal, parts)

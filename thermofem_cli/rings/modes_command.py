@@ -6,16 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from scipy.constants import c
-
-import coupled
-import thermofem as th
-from thermofem.data import files, quantity
 
 from .. import options
-from ..command_files import check_outputs, section_of
 from ..console import note, say, working, wrote
-from ..heater_texts import say_sheets
 
 
 def modes(
@@ -28,6 +21,12 @@ def modes(
 
     The figure shows the first one.
     """
+    import thermofem as th
+
+    from ..inputs.command_files import check_outputs, section_of
+    from ..inputs.drive_texts import wavelength_of
+    from ..results.mode_lines import mode_numbers, mode_words
+
     section = section_of(geometry)
     check_outputs([figure], images=[figure], inputs=[geometry])
     with working("solving"):
@@ -40,12 +39,12 @@ def modes(
         light = replace(bends, geometry=plain)
         found = light.modes
         first = light.mode(found[0].name if found else None)  # without any, the error says why
-    numbers = [_numbers(mode) for mode in found]
+    numbers = [mode_numbers(mode) for mode in found]
     if not math.isinf(light.radius):
         where = "the edge" if light.at_edge else "the centre of the core"
         say(f"n_eff belongs to R = {light.radius * 1e6:.6g} um, {where}")
     for mode in found:
-        say(_words(mode))
+        say(mode_words(mode))
     if lost := set(light.names) - {mode.name for mode in found}:
         say(f"{', '.join(sorted(lost))}: held by the straight guide, but not in this bend")
     say(f"{first.name}: n_eff within {first.error:.0e} of finer elements")
@@ -60,68 +59,6 @@ def modes(
         "n_eff_error": first.error,
         "wrote": [figure] if figure else [],
     }
-
-
-def wavelength_of(section: th.CrossSection, given: str | None) -> float:
-    """Return the wavelength in m of --wavelength; by default that of [light], or 1550 nm."""
-    if given is None and section.light is not None:
-        return section.light.wavelength
-    return quantity.positive(given or "1550 nm", "m", name="--wavelength")
-
-
-def _numbers(mode: th.optics.Mode) -> dict[str, Any]:
-    """Return the numbers of a mode by name, in SI but for the leak in dB/cm."""
-    ring = not math.isinf(mode.radius)
-    quality = mode.q_radiation if ring else math.inf
-    return {
-        "name": mode.name,
-        "n_eff": mode.n_eff,
-        "n_g": mode.n_g,
-        "te_fraction": mode.te_fraction,
-        "thermo_optic": None if mode.lacking_in_core else mode.thermo_optic,
-        "confinement": mode.confinement,
-        "volume_2": mode.volume(2),
-        "volume_3": mode.volume(3),
-        "core_fraction_2": mode.core_fraction(2),
-        "core_fraction_3": mode.core_fraction(3),
-        "q_radiation": None if math.isinf(quality) else quality,
-        "leak": mode.substrate_loss,
-        "leaky": mode.leaky,
-        "hybrid": mode.hybrid,
-    }
-
-
-def _words(mode: th.optics.Mode) -> str:
-    """Return a line of text with the numbers of a mode."""
-    kind = f"TE {mode.te_fraction:.0%}, hybrid" if mode.hybrid else f"TE {mode.te_fraction:.0%}"
-    return (
-        f"{mode.name}: n_eff {mode.n_eff:.5f}, n_g {mode.n_g:.5f}, {kind}, dn_eff/dn "
-        f"{mode.confinement[mode.core]:.4f} in {mode.core}, {_shift(mode)}, V_2 {mode.volume(2) * 1e18:.4g} um^3, "
-        f"V_3 {mode.volume(3) * 1e18:.4g} um^3{_radiation(mode)}{_leak(mode)}"
-    )
-
-
-def _shift(mode: th.optics.Mode) -> str:
-    """Return the shift per kelvin in pm/K, or what is missing for it."""
-    if mode.lacking_in_core:
-        return f"pm/K unknown (thermo_optic of {' and '.join(mode.lacking_in_core)} is missing)"
-    shift = mode.thermo_optic * mode.wavelength / 1e-12
-    return f"{shift:.3g} pm/K"
-
-
-def _radiation(mode: th.optics.Mode) -> str:
-    """Return the quality factor of the bend in words; "" of a straight guide."""
-    if math.isinf(mode.radius):
-        return ""
-    quality = mode.q_radiation
-    return ", Q_rad > 1e11" if math.isinf(quality) else f", Q_rad {quality:.3g}"
-
-
-def _leak(mode: th.optics.Mode) -> str:
-    """Return the leak of a mode in dB/cm and what it leaks into; "" where it does not leak."""
-    if not mode.substrate_loss:
-        return ""
-    return f", leaks {mode.substrate_loss:.3g} dB/cm into {' and '.join(mode.drains)}"
 
 
 def ring(
@@ -149,6 +86,16 @@ def ring(
 
     ``thermofem simulate --ring`` takes it.
     """
+    from scipy.constants import c
+
+    import coupled
+    import thermofem as th
+    from thermofem.data import files, quantity
+
+    from ..inputs.command_files import check_outputs, section_of
+    from ..inputs.drive_texts import wavelength_of
+    from ..results.heater_sheets import say_sheets
+
     section = section_of(geometry)
     check_outputs([output], inputs=[geometry])
     if loss is None and (section.light is None or section.light.loss is None):

@@ -1,23 +1,20 @@
 """``thermofem simulate`` and ``cosimulate``: a ring driven with a thermal model, or with the FEM in the loop."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import xarray as xr
 
-import coupled
-import surrogate
-import thermofem as th
-from coupled.loop.cosimulate import NO_PREDICTOR
-from coupled.runs.pulsing import Pulsing
-from thermofem.data import quantity
-from thermofem.errors import InputError
-
-from .. import drive_texts, options
-from ..command_files import check_outputs, expect, model_of, note_ring, ring_of, section_of
+from .. import options
 from ..console import say, time_bar, working, wrote
-from ..drive_texts import detuning_of, heater_powers, reading, times_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    import thermofem as th
+    from coupled.runs.pulsing import Pulsing
 
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
@@ -45,17 +42,26 @@ def simulate(
     output: options.Output = Path("traces.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
+    import coupled
+    import thermofem as th
+    from thermofem.data import quantity
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.drive_texts import begins_with, reading
+    from ..inputs.heater_drives import heater_powers
+    from ..inputs.light_drives import lasers, light
+
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
-        swept = drive_texts.begins_with("--sweep", sweep.split(",")[0].strip())
+        swept = begins_with("--sweep", sweep.split(",")[0].strip())
         options.unused(context, f"has no effect with a --sweep of the {swept}", swept)
     length = quantity.positive(duration, "s", name="--duration")
-    powers = drive_texts.heater_powers(heater, length)
+    powers = heater_powers(heater, length)
     thermal, parts = model_of(model, heated, read, powers)
     resonator = ring_of(ring)
-    light = drive_texts.light(resonator, power, detuning, sweep, modulate, length)
-    others = drive_texts.lasers(laser, resonator, length)
-    settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}
+    driven = light(resonator, power, detuning, sweep, modulate, length)
+    others = lasers(laser, resonator, length)
+    settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **driven}
     with time_bar("integrating", length) as progress:
         run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
     with working("judging and writing the run"), reading(f"--duration = {duration}"):
@@ -119,6 +125,16 @@ def cosimulate(
     output: options.Output = Path("cosimulation.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
+    import coupled
+    import thermofem as th
+    from thermofem.data import quantity
+    from thermofem.errors import InputError
+
+    from ..inputs.command_files import check_outputs, note_ring, ring_of, section_of
+    from ..inputs.drive_texts import reading, times_of
+    from ..inputs.heater_drives import heater_powers
+    from ..inputs.light_drives import detuning_of
+
     check_outputs([output, figure, paraview], images=[figure], inputs=[geometry, ring, predictor])
     resonator = ring_of(ring)
     length = quantity.positive(duration, "s", name="--duration")
@@ -165,7 +181,12 @@ def cosimulate(
 
 
 def _predictor(given: str | None) -> th.models.ThermalModel | None:
+    from coupled.loop.cosimulate import NO_PREDICTOR
+    from thermofem.models import load_model
+
+    from ..inputs.command_files import expect
+
     if given is None or given == "none":
         return NO_PREDICTOR if given else None
     expect(Path(given), "model")
-    return surrogate.load_model(given)
+    return load_model(given)

@@ -1,31 +1,15 @@
 """``thermofem sweep``: losses, quality factors and thermal resistance of a ring from sweeps of a laser."""
 
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import xarray as xr
-from scipy.constants import c
-
-import coupled
-import surrogate
-from coupled.identification.held_numbers import leaning
-from coupled.sweeps.slow_sweeps import with_seen_resonance
-from coupled.unknowns import number_of
-from thermofem.data import files, quantity
-from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import check_outputs, model_of, note_ring, ring_of
 from ..console import note, parameter_unit, say, working, written, wrote
-from ..light_tables import held_of, light_unit, picked
 
 SWEEPS = "Table of wavelength and of the power at a port, one for each power; slow sweeps, up, down or both."
 FREE = "Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power."
-NAMED_UNITS = re.compile(r"(?<![A-Za-z])(nm|um|µm|pm|m)(?![A-Za-z])")
-PORTS = ("drop", "through")
-WIDE = 30.0  # factor by which a rate may differ from its start
 
 
 def sweep(
@@ -50,7 +34,18 @@ def sweep(
 
     The thermal model, R_th alone, is written beside the ring file, with the ending .json.
     """
+    from scipy.constants import c
+
+    import coupled
+    from coupled.identification.held_numbers import leaning
     from coupled.ring_toml import write_text
+    from coupled.sweeps.slow_sweeps import with_seen_resonance
+    from thermofem.data import files, quantity
+    from thermofem.errors import InputError
+    from thermofem.models import save_model
+
+    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.light_tables import held_of, rate_bounds, sweep_table
 
     for path in sweeps:
         files.regular(path)
@@ -62,7 +57,7 @@ def sweep(
     deviations = held_of(resonator, held)
     data = []
     for path, watts in zip(sweeps, power, strict=True):
-        one = _table(path, columns, units, port)
+        one = sweep_table(path, columns, units, port)
         data.append(one.assign_attrs(power=quantity.positive(watts, "W", name="--power")))
     start = model_of(model)[0] if model else None
     resonator = with_seen_resonance(resonator, data)
@@ -71,10 +66,10 @@ def sweep(
     with working("fitting the sweeps"):
         found = coupled.fit_transmission(
             resonator, data, free=[name.strip() for name in free.split(",")], model=start, noise=noise,
-            held=deviations, bounds=_bounds(resonator, free),
+            held=deviations, bounds=rate_bounds(resonator, free),
         )  # fmt: skip
     output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "fitted")), encoding="utf-8")
-    surrogate.save_model(found.model, heat)
+    save_model(found.model, heat)
     if figure:
         from coupled.plot import plot_transmission_fit
         from thermofem.plot import save_figure
@@ -96,32 +91,3 @@ def sweep(
         "notes": list(found.notes),
         "wrote": [path for path in (output, heat, figure) if path],
     }
-
-
-def _table(path: Path, columns: str, units: str | None, port: str | None) -> xr.Dataset:
-    """Return a table as a Dataset over step: wavelength (m), and the power at a port in the unit of the table."""
-    from thermofem.data.number_table import number_table
-
-    table = number_table(path.read_bytes())
-    laser, light = picked(table, columns)
-    stated = [text.strip() for text in units.split(",")] if units else ["", ""]
-    if len(stated) != 2:
-        raise InputError(f"--units = {units!r} must be two units", 'such as "nm,dBm"')
-    shown = NAMED_UNITS.search(laser.name)
-    unit = stated[0] or laser.unit or (shown[1] if shown else "")
-    if not unit:
-        raise InputError(f"{path}: {laser.label} states no unit", 'give --units "nm,dBm"')
-    factor = quantity.parse(f"1 {unit}", "m", name=f"{path}: the unit of {laser.label}")
-    name = port or next((name for name in PORTS if name in light.name.lower()), None)
-    if name not in PORTS:
-        what = f"--port = {port!r}" if port else f"the port of {path}, {light.label}"
-        raise InputError(f"{what} is neither drop nor through", "give --port through")
-    attributes = {"units": stated[1] or light_unit(light)} if stated[1] or light_unit(light) else {}
-    wavelength = laser.values * factor
-    return xr.Dataset({name: ("step", light.values, attributes), "wavelength": ("step", wavelength, {"units": "m"})})
-
-
-def _bounds(ring: coupled.RingResonator, free: str) -> dict[str, tuple[float, float]]:
-    """Return wide bounds of free rates: the split of the linewidth into bus and losses is not known before."""
-    rates = [name.strip() for name in free.split(",") if name.strip().endswith("_rate")]
-    return {name: (number_of(ring, name) / WIDE, number_of(ring, name) * WIDE) for name in rates}

@@ -4,7 +4,7 @@ import thermofem as th
 from thermofem.data import quantity
 from thermofem.geometry.resistor import known_resistor
 
-from .console import say
+from ..console import say
 
 PHASES = {"pi": "pi", "fsr": "one free spectral range"}
 

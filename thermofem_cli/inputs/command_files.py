@@ -1,26 +1,27 @@
 """Files of a command: what an input file holds, whether outputs can be written, rings and models from files."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 
-import coupled
-import surrogate
-from coupled import RingResonator
-from coupled.parameters import published_rings
 from thermofem import CrossSection, InputError, checks, strip_ring
 from thermofem.data import files
 from thermofem.data.number_table import has_rows
-from thermofem.models import ThermalModel
+from thermofem.models import ThermalModel, load_model
 
-from .console import note
-from .options import REFERENCE_RING
+from ..console import note
+from ..options import REFERENCE_RING
+
+if TYPE_CHECKING:
+    from coupled import RingResonator
 
 # kind -> what it is, and what takes it
 KINDS = {
@@ -139,13 +140,16 @@ def section_of(path: Path | None) -> CrossSection:
 
 def ring_of(given: str) -> RingResonator:
     """Return the ring in a file, or the published ring of that name."""
+    from coupled import RingResonator
+    from coupled.parameters import published_rings
+
     named = published_rings()
     if given in named:
         return named[given]
     if not Path(given).is_file():
         raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
     expect(Path(given), "ring")
-    return coupled.RingResonator.from_toml(given)
+    return RingResonator.from_toml(given)
 
 
 def note_ring(ring: RingResonator, given: str) -> None:
@@ -167,7 +171,7 @@ def model_of(
     Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
     """
     expect(path, "model")
-    model: ThermalModel = surrogate.load_model(path)
+    model: ThermalModel = load_model(path)
     if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
         note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):

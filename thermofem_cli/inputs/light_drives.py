@@ -1,0 +1,101 @@
+"""Lasers as a person writes them: powers, detunings, sweeps, modulation and further lasers."""
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.constants import c
+
+import coupled
+from coupled import RingResonator
+from coupled.maps.hopf_plane import Window
+from thermofem import InputError, checks
+from thermofem.data import quantity
+
+from .drive_texts import RANGE, begins_with, reading, varying
+
+PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
+
+
+def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> float:
+    """Return the detuning in Hz of a text, a frequency such as "-10 GHz" or a difference in wavelength such as "80 pm".
+
+        nu = c/(c/f + d) - f
+
+    with the ring's resonance f and the difference d in wavelength: a longer wavelength is a negative detuning.
+
+    Raises InputError: neither a frequency nor a length, or an absolute wavelength.
+    """
+    try:
+        distance = quantity.parse(text, "m", name=name)
+    except InputError:
+        return quantity.parse(text, "Hz", name=name)
+    wavelength = c / ring.frequency
+    if not abs(distance) < 0.1 * wavelength:
+        raise InputError(
+            f"{name} = {text!r} must be a distance from the resonance at {wavelength * 1e9:.6g} nm, not a wavelength",
+            'e.g. "80 pm"',
+        )
+    return float(c / (wavelength + distance) - ring.frequency)
+
+
+def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
+    """Return the axes of a map, shape (n,) and (m,): powers in W, evenly spaced in dBm, and detunings in Hz."""
+    with reading(f"--power = {power!r}", f"{RANGE} '3 dBm, 10 dBm'"):
+        low, high = sorted(quantity.positive(part.strip(), "W", name="--power") for part in power.split(","))
+    with reading(f"--detuning = {detuning!r}", f"{RANGE} '-30 GHz, 30 GHz'"):
+        first, last = sorted(detuning_of(part.strip(), ring) for part in detuning.split(","))
+    with reading(f"--points = {points!r}", "N, M: two whole numbers, such as '20, 20'"):
+        of_powers, of_detunings = points.split(",")
+        n = checks.integer("--points", int(of_powers), 2, 2000)
+        m = checks.integer("--points", int(of_detunings), 2, 2000)
+    return np.geomspace(low, high, n), np.linspace(first, last, m)
+
+
+def plane_words(plane: Window) -> str:
+    """Return in words a plane of powers and detunings."""
+    low, high = plane.powers
+    first, last = plane.detunings
+    powers = f"{quantity.rounded(low, 'W')} to {quantity.rounded(high, 'W')}"
+    return f"{powers}, {quantity.rounded(first, 'Hz')} to {quantity.rounded(last, 'Hz')}, about the Hopf curve"
+
+
+def light(
+    ring: RingResonator, power: str, detuning: str, sweep: str | None, modulate: list[str] | None, duration: float
+) -> dict[str, Any]:
+    """Return ``power`` (W) and ``detuning`` (Hz) of the laser, each a number, a function of time, or a list of them."""
+    found: dict[str, Any] = {
+        "power": quantity.not_negative(power, "W", name="--power"),
+        "detuning": detuning_of(detuning, ring),
+    }
+    if sweep is not None:
+        with reading(f"--sweep = {sweep!r}", "two quantities or more, such as '20 GHz, -40 GHz'"):
+            first, second, *others = sweep.split(",")
+        swept = begins_with("--sweep", first.strip())
+        unit = "Hz" if swept == "detuning" else "W"
+        values = [quantity.parse(part.strip(), unit, name="--sweep") for part in (first, second, *others)]
+        found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
+    for text in modulate or []:
+        name = begins_with("--modulate", text)
+        added = varying("--modulate", text, "Hz" if name == "detuning" else "W", duration)
+        found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
+    return found
+
+
+def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[coupled.Laser]:
+    """Return the further lasers of --laser, of constant or varying power in a run of ``duration`` in s."""
+    form = "POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or '1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
+    found = []
+    for text in texts or []:
+        light, _, offset = text.partition(" on ")
+        with reading(f"--laser {text!r}", form):
+            first, second = PAIR.sub(r"\1,\2", light.strip()).rsplit(",", 1)
+        at = replace(ring, frequency=ring.frequency + detuning_of(offset.strip(), ring, "--laser")) if offset else None
+        found.append(
+            coupled.Laser(
+                varying("--laser", first.strip(), "W", duration), detuning_of(second.strip(), at or ring, "--laser"), at
+            )
+        )
+    return found

@@ -1,0 +1,112 @@
+"""Training data as ``solve`` and ``campaign`` print and draw them: R_th, rise times, the error of the domain."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import thermofem as th
+from thermofem import InputError
+from thermofem.arrays import Array, ArrayLike
+
+from ..console import note, say, written
+
+SAME = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
+
+
+def steady_rises(heat: th.fem.HeatProblem, data: xr.Dataset, power: float | None) -> dict[str, float]:
+    """Rise of every output in K that a step of ``power`` in W settles at, by k(T) at that power; nan where it fails."""
+    rises: dict[str, float] = {}
+    for name in data.attrs["read"].split(", ") if power else ():
+        try:
+            rises[name] = heat.steady_rise(power or 0.0, data.attrs["heated"], name)
+        except InputError:
+            rises[name] = float("nan")
+    return rises
+
+
+def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) -> dict[str, Any]:
+    """Print and return R_th of every output and, for a step of ``power`` in W, its rise time from 10 to 90 %.
+
+    steady: rise of every output at rest under the step, in K.
+    """
+    a = data.attrs
+    times = data["time"].values
+    source = a["heated"]
+    names = a["read"].split(", ")
+    resistances = dict(zip(names, np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"])), strict=True))
+    rises = dict(zip(names, np.atleast_2d(data["delta_T"].transpose(..., "time")), strict=True))
+    rise_times: dict[str, float | None] = {}
+    for name, R in resistances.items():
+        of = name if name == source else f"{name} heated by {source}"
+        line = f"R_th of {of} = {R / 1e3:.4g} K/mW"
+        if power:
+            share = rises[name] / steady[name]
+            settles = abs(steady[name] / (R * power) - 1) < SAME
+            line += "" if settles else f" at small power, {steady[name] / power / 1e3:.4g} K/mW at this one"
+            rise_times[name] = _rise_time(times, share)
+            line += _progress(share, rise_times[name])
+        say(line)
+    largest = float(data["delta_T"].max())
+    say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
+    return {
+        "thermal_resistance": resistances[names[0]],
+        "largest_rise": largest,
+        "heat_imbalance": a["heat_imbalance"],
+        "domain_error": a["domain_error"],
+        "heated": source,
+        **({"thermal_resistances": resistances} if len(names) > 1 else {}),
+        **({"rise_time": rise_times, "steady_rise": steady} if power else {}),
+    }
+
+
+def _rise_time(times: Array, share: Array) -> float | None:
+    """Time in s from 10 to 90 % of the steady rise; None where the run ends before."""
+    if not share[-1] >= 0.9:
+        return None
+    low = float(np.interp(0.1, share, times))
+    high = float(np.interp(0.9, share, times))
+    return high - low
+
+
+def _progress(share: Array, rise_time: float | None) -> str:
+    """Words on the rise time, and on what is missing of the steady rise at the end of the run."""
+    if np.isnan(share[-1]):
+        return ", no steady state found at this power"
+    words = "" if rise_time is None else f", rise 10-90 % in {written(rise_time, 's')}"
+    return words + (f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else "")
+
+
+def note_domain(errors: ArrayLike, accuracy: float) -> int:
+    """Return of how many geometries the domain's finite size changes R_th by more than ``accuracy``, and print it."""
+    errors = np.asarray(errors)
+    cut = int((errors > accuracy).sum())
+    if cut:
+        which = f"{cut} of {errors.size} geometries have a " if errors.size > 1 else ""
+        note(
+            f"{which}domain_error of up to {np.nanmax(errors):.1e}, above accuracy = {accuracy:g}: the bottom or outer "
+            'side is too near: move it outwards, or make it "open" where the stack goes on'
+        )
+    return cut
+
+
+def draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
+    """Draw cross-section and mesh."""
+    from thermofem import plot
+
+    plot.save_figure(plot.plot_preview(section, mesh), path)
+
+
+def draw_response(data: xr.Dataset, path: Path) -> None:
+    """Draw the response; its title says what was heated and read, by which drive, and from which start."""
+    from thermofem import plot, waveforms
+
+    a = data.attrs
+    of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
+    part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
+    drive = waveforms.from_json(a["waveform"]).words.replace(" us", " µs")
+    begun = ", one period of the periodic state" if a["kind"] == "periodic" else ", from rest"
+    ax = plot.plot_response(data)
+    ax.set_title(f"{part}: {drive}{begun}", fontsize="small", loc="left")
+    plot.save_figure(ax, path)
