@@ -161,7 +161,8 @@ def _of_ring(
 ) -> Feedback:
     """The feedback in a single ring, whose heaters are off before t = 0."""
     system = read_heaters(model, heaters)
-    lit: Any = channels(model, ring.read, inputs, heated, read).model
+    small: Any = channels(model, ring.read, inputs, heated, read).model
+    lit = small.linear
     poles = {}
     begin = {}
     for name in system.inputs:
@@ -169,7 +170,7 @@ def _of_ring(
         poles[name] = Poles(1 / np.asarray(lit.tau), np.array(gains))
         begin[name] = np.zeros(lit.order)
     # all inputs share the poles: the heat of the past counts as that of the light
-    past = np.asarray(starting_point(initial, lit.order, attributes(lit)).thermal)
+    past = np.asarray(starting_point(initial, lit.order, attributes(small)).thermal)
     if past[lit.gain == 0].any():
         rule = "initial holds heat of the heaters of a layout, whose temperatures it does not say"
         raise checks.InputError(rule, "start cold, or take a circuit of this ring: coupled.bus(ring)")

@@ -258,7 +258,9 @@ def window_about(ring: RingResonator, resistance: float, model: Compact | None) 
     threshold = threshold_plane(as_read(ring, model), without_origin(model))
     if threshold is None:
         return window
-    least, highest = [10 * math.log10(power / 1e-3) for power in threshold.window.powers]
+    dbm = 10 * np.log10(threshold.window.powers) + 30
+    least = float(dbm[0])
+    highest = float(dbm[1])
     width = ring.linear_rate / math.pi
     first, last = window["detuning"]
     before = (threshold.lowest.detuning - width) / 1e9

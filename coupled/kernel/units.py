@@ -14,6 +14,7 @@ import numpy as np
 
 from thermofem import Quadratic
 from thermofem.arrays import Array, Complex
+from thermofem.models import ThermalModel, two_kinds
 
 from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
 from .rates import absorbed_power
@@ -21,7 +22,6 @@ from .tableaus import Method
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
-    from ..thermal import Compact
 
 NS, FJ, UW, DENSITY = 1e-9, 1e-15, 1e-6, 1e23  # the internal units in s, J, W, 1/m^3
 
@@ -143,24 +143,21 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
     return Rings(np.array([modes]), np.array([[first.tau0, first.a, first.b]]), fcd[None], floor[None])
 
 
-def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
+def internal_heat(model: ThermalModel) -> tuple[PoleHeat | QuadraticHeat, float]:
     """Return a thermal model in the kernel's units, and the coefficient of its output map in 1/K, 0 without one."""
-    if not isinstance(model, Quadratic):
-        R = np.asarray(model.linear.R, dtype=float)
-        tau = np.asarray(model.linear.tau, dtype=float)
-        return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), float(model.coefficient)
-    A = np.array(model.A, dtype=float, order="C")
-    H = np.array(model.H, dtype=float, order="C")
-    G = np.array(model.G, dtype=float, order="C")
-    B = np.array(model.B, dtype=float, order="C")
-    C = np.array(model.C, dtype=float, order="C")
-    static = np.linalg.solve(A, B)
+    small = two_kinds(model)
+    if not isinstance(small, Quadratic):
+        R = np.asarray(small.linear.R, dtype=float)
+        tau = np.asarray(small.linear.tau, dtype=float)
+        return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), float(small.coefficient)
+    C = small.C
+    static = np.linalg.solve(small.A, small.B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
-    return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
+    return QuadraticHeat(small.A * NS, small.H * NS, small.G * FJ, small.B * FJ, C, weight), 0.0
 
 
 def single_ring(
-    ring: RingResonator, model: Compact, power: float, detuning: float, duration: float, method: Method
+    ring: RingResonator, model: ThermalModel, power: float, detuning: float, duration: float, method: Method
 ) -> Problem:
     """Return the `Problem` of one ring under constant light; power in W, detuning in Hz, duration in s."""
     pump = internal_pump(ring, power)

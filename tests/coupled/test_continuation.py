@@ -15,6 +15,7 @@ from coupled.cycles.branch import _is_there, born, follow
 from coupled.cycles.cycle_problem import CycleProblem
 from coupled.cycles.multiple_shooting import Family
 from coupled.cycles.return_map import time_weights
+from coupled.thermal import compact
 
 POWER = 10**0.7 * 1e-3  # 7 dBm
 
@@ -88,7 +89,7 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
         k = int(np.argmin(np.abs(rest["frequency"].values - float(hopf["frequency"]))))
         rates.append(float(rest["growth_rate"][k]))
     slope = (rates[0] - rates[1]) / 2e6
-    family = Family(CycleProblem(ring, model, P, nu), ("detuning",), np.array([1e9]))
+    family = Family(CycleProblem(ring, compact(model), P, nu), ("detuning",), np.array([1e9]))
     start, tangent = born(family, hopf)
     found, _ = follow(family, start, tangent, (nu - 1e9, nu + 1e9), 4)
     for cycle in found[1:]:

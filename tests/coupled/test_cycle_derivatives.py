@@ -14,6 +14,7 @@ from coupled.cycles.cycle_problem import CycleProblem, changed, value_of
 from coupled.cycles.derivatives import cycle_derivatives
 from coupled.cycles.return_map import close, measure
 from coupled.kernel.units import units
+from coupled.thermal import compact
 
 POWER = 10**0.8 * 1e-3
 
@@ -35,7 +36,7 @@ def check(ring, model, cycle, names, h, within):
     """Fourth-order differences with steps of h, from the measures of cycles."""
     power, detuning = cycle.attrs["input_power"], cycle.attrs["detuning"]
     d = cycle_derivatives(ring, model, names, power=power, detuning=detuning, cycle=cycle)
-    p = CycleProblem(ring, model, power, detuning)
+    p = CycleProblem(ring, compact(model), power, detuning)
     for name in names:
         value = value_of(p, name)
         step = h * value

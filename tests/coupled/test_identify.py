@@ -22,6 +22,7 @@ from coupled.identification.deviations import spread_over_traces, white_noise, w
 from coupled.identification.fourier_cycles import HARMONICS, Cycle
 from coupled.identification.newton_traces import TWO, fit_newton_per_trace
 from coupled.plot import plot_identification
+from coupled.thermal import compact
 from coupled.unknowns import unknowns
 from thermofem.models.foster import second_order_poles
 
@@ -279,16 +280,16 @@ def test_laws_are_the_same_as_elsewhere():
     assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-12) == model.R
     what = unknowns(RING, list(TRUE), EXPERIMENT)
     assert np.exp(what.start) == pytest.approx(list(TRUE.values()), rel=1e-9)
-    assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-9) == what.build(what.start)[1].R
+    assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-9) == what.build(what.start)[1].linear.R
     poles = unknowns(RING, ["R", "tau", "loss_rate"], EXPERIMENT)
     assert poles.names == ("R1", "R2", "tau1", "tau2", "loss_rate")
     ring, model = poles.build(poles.start + np.log([1, 1, 1, 1, 2]))
     assert ring.loss_rate == pytest.approx(2 * RING.loss_rate)
-    assert model.tau == pytest.approx(np.asarray(EXPERIMENT.tau))
+    assert model.linear.tau == pytest.approx(np.asarray(EXPERIMENT.tau))
     constant = unknowns(replace(RING, carriers=coupled.ConstantLifetime(2e-9)), ["tau0"], EXPERIMENT)
     assert constant.build(constant.start + np.log(2))[0].carriers.tau == pytest.approx(4e-9, rel=1e-12, abs=0)
     newton = unknowns(RING, ["heat_capacity"], surrogate.newton(tau_th=300e-9))
-    assert newton.build(newton.start + np.log(2))[1].R[0] == pytest.approx(300e-9 / 7.63e-12 / 2)
+    assert newton.build(newton.start + np.log(2))[1].linear.R[0] == pytest.approx(300e-9 / 7.63e-12 / 2)
 
 
 class Rings:
@@ -308,7 +309,7 @@ def test_a_family_is_a_thermal_model_with_parameters_of_its_own():
     np.testing.assert_allclose(np.exp([what.low[0], what.start[0], what.high[0]]), [1e-6, 2e-6, 4e-6])
     moved, model = what.build(np.log([3e-6, 6e9]))
     assert moved.loss_rate == pytest.approx(6e9)
-    np.testing.assert_allclose(model.R, Rings().at({"box": 3e-6}).R)
+    np.testing.assert_allclose(model.linear.R, Rings().at({"box": 3e-6}).R)
     with pytest.raises(th.InputError, match=r"box of the family must be free or held: family.held\(box=...\)"):
         unknowns(ring, ["loss_rate"], Rings())
     with pytest.raises(th.InputError, match="unknown"):
@@ -355,7 +356,7 @@ def test_a_ring_that_rings_down_is_one_at_rest():
     assert coupled.pulsing(run).regime == "stable"
     (target,) = targets_of(run)
     assert np.isnan(target.period)
-    own = free_run(RING, EXPERIMENT, target)[1]
+    own = free_run(RING, compact(EXPERIMENT), target)[1]
     assert np.isnan(own.period)
     assert own.harmonics == pytest.approx(target.seen.cycle.harmonics, rel=1.5e-5, abs=0)  # the step control
     with pytest.raises(th.InputError, match=r"has not settled.*its swing goes from .*% to .*% of the mean"):

@@ -14,9 +14,8 @@ from sections import COVERED, LIGHT
 import coupled
 import surrogate
 import thermofem as th
-from coupled.ring_family import MovingRing, ring_at
+from coupled.ring_family import MovingRing, SettledPeriod, ring_at
 from surrogate.family import members
-from thermofem_cli.design_command import Settled
 
 pytestmark = pytest.mark.slow
 
@@ -89,7 +88,7 @@ def test_the_period_of_a_made_ring_is_that_of_its_geometry(family, caplog):
 def test_studies_of_a_made_ring_read_the_light(family, caplog):
     ring = ring_at(family, {"width": 357e-9}, coupling=0.05)
     optics = MovingRing(family, ring)
-    settled = Settled(ring, POWER, 0.0)
+    settled = SettledPeriod(ring, POWER)
     spread = {"width": stats.norm(360e-9, 1e-9)}
     found = surrogate.uncertainty(family, spread, settled, optics=optics, samples=4, interpolate=12)
     assert found.attrs["read"] == "core, light"

@@ -311,10 +311,15 @@ def _areas(component: Any, layer: Any) -> list[shapely.Polygon]:
     unit = component.kcl.dbu
     areas = []
     for polygon in component.get_region(layer, merge=True).each():
-        rings = [polygon.each_point_hull(), *(polygon.each_point_hole(k) for k in range(polygon.holes()))]
-        hull, *holes = [[(point.x * unit, point.y * unit) for point in ring] for ring in rings]
+        hull = _um(polygon.each_point_hull(), unit)
+        holes = [_um(polygon.each_point_hole(k), unit) for k in range(polygon.holes())]
         areas.append(shapely.Polygon(hull, holes))
     return areas
+
+
+def _um(points: Any, unit: float) -> list[tuple[float, float]]:
+    """Corners of a polygon in um."""
+    return [(point.x * unit, point.y * unit) for point in points]
 
 
 def _say_left_out(component: Any, levels: Mapping[str, Any], taken: Mapping[str, Any]) -> None:
