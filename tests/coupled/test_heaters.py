@@ -112,12 +112,12 @@ def test_constant_heaters_shift_every_equilibrium():
     run = coupled.simulate(RING, model, heaters=heaters, power=power, duration=60e-6, rtol=1e-8)
     states = coupled.steady_states(RING, model, power=power, heaters=heaters)
     for name in ("energy", "carriers", "delta_T"):
-        assert states[name].values[0] == pytest.approx(run[name].values[-1], rel=1e-6)
+        assert states[name].values[0] == pytest.approx(run[name].values[-1], rel=1e-6, abs=0)
     # by hand: the rise of the heater turned into a detuning
     rise = np.linalg.solve(-model.A, model.B[:, 1])[0] * 8e-3
     turned = RING.thermal_shift * rise / (2 * np.pi)
     bare = coupled.steady_states(RING, model.channel("core"), power=power, detuning=turned)
-    assert states["energy"].values == pytest.approx(bare["energy"].values, rel=1e-12)
+    assert states["energy"].values == pytest.approx(bare["energy"].values, rel=1e-12, abs=0)
     powers, detunings = np.array([0.5e-3, 6e-3]), np.array([-40e9, -20e9])
     for function, more in ((coupled.stability_map, {}), (coupled.pulsing_map, {"duration": 3e-6})):
         found = function(RING, model, powers, detunings, heaters=heaters, **more)
@@ -141,7 +141,7 @@ def test_a_settled_cycle_under_a_heater():
     moved = -RING.thermal_shift * rise / (2 * np.pi)
     cold = coupled.limit_cycle(RING, model.channel("core"), power=6.31e-3)
     warm = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=moved, heaters={"heater": 4e-3})
-    assert warm.attrs["period"] == pytest.approx(cold.attrs["period"], rel=1e-9)
+    assert warm.attrs["period"] == pytest.approx(cold.attrs["period"], rel=1e-9, abs=0)
     # between the samples, which lie up to a picosecond elsewhere: the splines of 266 of them agree to 1e-12 there
     rises = CubicSpline(warm.time, warm.delta_T)(cold.time[:-1]) - cold.delta_T.values[:-1]
     assert rises == pytest.approx(rise, rel=1e-9)
@@ -155,16 +155,16 @@ def test_branches_and_derivatives_of_cycles_under_a_heater():
     cold = coupled.continue_cycle(RING, bare, "detuning", (-2e9, 3e9), power=6.31e-3, detuning=0.0)
     ends = (-2e9 - turn, 3e9 - turn)
     warm = coupled.continue_cycle(RING, model, "detuning", ends, power=6.31e-3, detuning=-turn, heaters=heaters)
-    assert warm["period"].values == pytest.approx(cold["period"].values, rel=1e-8)
+    assert warm["period"].values == pytest.approx(cold["period"].values, rel=1e-8, abs=0)
     assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-8, abs=10.0)
     assert warm.attrs["power_in_heater"] == 4e-3
     first = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=-turn, heaters=heaters)
     again = coupled.continue_cycle(RING, model, "detuning", ends, guess=first, heaters=heaters)
-    assert again["period"].values == pytest.approx(warm["period"].values, rel=1e-8)
+    assert again["period"].values == pytest.approx(warm["period"].values, rel=1e-8, abs=0)
     names, run = ["power", "detuning", "thermo_optic"], {"power": 6.31e-3, "detuning": -turn, "heaters": heaters}
     found = cycle_derivatives(RING, model, names, **run)["period"].values
     without = cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
-    assert found[:2] == pytest.approx(without[:2], rel=1e-6)
+    assert found[:2] == pytest.approx(without[:2], rel=1e-6, abs=0)
     step = 1e-4 * RING.thermo_optic
     two = [
         coupled.limit_cycle(replace(RING, thermo_optic=RING.thermo_optic + s), model, **run).attrs["period"]

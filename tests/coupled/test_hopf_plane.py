@@ -89,6 +89,6 @@ def test_points_are_the_periods_of_limit_cycles():
         period = coupled.limit_cycle(RING, MODEL, **light).attrs["period"]
         other = coupled.limit_cycle(RING, slower, **light).attrs["period"]
         # 1e-5: the map closes its cycles to 1e-6 of their states
-        assert float(point["period"]) == pytest.approx(period, rel=1e-5)
+        assert float(point["period"]) == pytest.approx(period, rel=1e-5, abs=0)
         assert float(point["error"]) == pytest.approx(period - other, abs=1e-5 * period)
         assert float(point["relative_error"]) == pytest.approx(1 - other / period, abs=1e-5)

@@ -53,12 +53,12 @@ def test_pulses_of_light_and_heat_alone():
     for trace in (whole, circuit.sel(ring="ring 1")):
         found = coupled.pulsing(trace)
         assert str(found.regime) == "self-pulsing"
-        assert found.period == pytest.approx(waits[-1], rel=1e-5)  # 50 ps between samples, on a cubic
+        assert found.period == pytest.approx(waits[-1], rel=1e-5, abs=0)  # 50 ps between samples, on a cubic
     for cycle in (
         coupled.limit_cycle(RING, HEAT, power=POWER, detuning=DETUNING),
         coupled.limit_cycle(coupled.bus([RING]), HEAT, power={"in": POWER}, detuning=DETUNING, settle=4e-6),
     ):
-        assert cycle.attrs["period"] == pytest.approx(waits[-1], rel=1e-5)
+        assert cycle.attrs["period"] == pytest.approx(waits[-1], rel=1e-5, abs=0)
     at = coupled.pulsing_map(RING, HEAT, [POWER], [DETUNING])
     assert (at["regime"].values.item(), at.attrs["settled"]) == ("self-pulsing", 0)
     assert at["period"].values.item() == pytest.approx(waits[-1], rel=1e-4)  # its rtol is 1e-5
@@ -80,7 +80,7 @@ def test_a_branch_of_cycles_without_carriers_holds_single_cycles():
     branch = coupled.continue_cycle(RING, HEAT, "power", (1.2e-3, 0.9e-3), power=POWER, detuning=DETUNING)
     one = coupled.limit_cycle(RING, HEAT, power=1.2e-3, detuning=DETUNING)
     assert branch.attrs["reason"] == "the end of the range"
-    assert float(branch["period"][-1]) == pytest.approx(one.attrs["period"], rel=1e-8)  # rtol 1e-9 of both
+    assert float(branch["period"][-1]) == pytest.approx(one.attrs["period"], rel=1e-8, abs=0)  # rtol 1e-9 of both
 
 
 def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():
@@ -117,6 +117,6 @@ def test_the_rate_decides_whether_there_are_carriers():
     same = replace(ring.with_rates(eta_tpa=ring.eta_tpa, g_tpa=ring.g_tpa), tpa_coefficient=0.0)
     model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     periods = [coupled.limit_cycle(one, model, power=6.31e-3).attrs["period"] for one in (ring, same)]
-    assert periods[1] == pytest.approx(periods[0], rel=1e-9)
+    assert periods[1] == pytest.approx(periods[0], rel=1e-9, abs=0)
     with pytest.raises(th.InputError, match="comes to rest"):
         coupled.limit_cycle(ring.with_rates(eta_tpa=0.0, g_tpa=0.0), model, power=6.31e-3)

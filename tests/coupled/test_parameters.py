@@ -51,7 +51,7 @@ def test_van_vaerenbergh_loses_and_heats_as_its_paper_counts_them():
     assert RING.eta_fca == pytest.approx(0.9996 * 1e-21 * c / (2 * 3.476), rel=1e-12, abs=0)
     # theta = |a|^2 at low power: P_0th = m c_p n_Si ((1 + k)/k)^2/(4 dn/dT tau_th eta Gamma_th Q_i), Q_i = 2 Q
     warmed = MODEL.thermal_resistance * 2 * RING.loss_rate
-    assert warmed == pytest.approx(0.9355 * 65e-9 * 0.4 / (2330 * 3.19e-18 * 700 * tau_ph), rel=1e-12)
+    assert warmed == pytest.approx(0.9355 * 65e-9 * 0.4 / (2330 * 3.19e-18 * 700 * tau_ph), rel=1e-12, abs=0)
 
 
 def test_the_preset_of_the_page_leads_to_the_figure():

@@ -65,9 +65,9 @@ def test_standard_errors_are_those_of_a_fit_of_the_lifetimes_themselves():
 
     best, covariance = curve_fit(log_density, TIMES, np.log(data["carriers"].values), p0=(2, 25, 30), xtol=1e-12)
     for name, unit, k in (("initial_density", 1e23, 0), ("tau_n", 1e-9, 1), ("tau_p", 1e-9, 2)):
-        assert fit.parameters[name] == pytest.approx(best[k] * unit, rel=1e-5)  # where least squares stops
+        assert fit.parameters[name] == pytest.approx(best[k] * unit, rel=1e-5, abs=0)  # where least squares stops
         # forward differences of the root of round-off, squared in the covariance
-        assert fit.standard_errors[name] == pytest.approx(np.sqrt(covariance[k, k]) * unit, rel=1e-4)
+        assert fit.standard_errors[name] == pytest.approx(np.sqrt(covariance[k, k]) * unit, rel=1e-4, abs=0)
 
 
 def test_no_decay_determines_the_trap_energy():
@@ -85,8 +85,8 @@ def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
     true = replace(PRINTED, trap_energy=0.35, tau_n=5e-9, tau_p=30e-9)
     fit = fit_carrier_decay(carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200)), true)
     # round-off of ln N, 4e-16 at 200 samples, through the condition of the fit, 1e3
-    assert fit.parameters["tau0"] == pytest.approx(true.tau0, rel=1e-9)
-    assert fit.parameters["tau_high"] == pytest.approx(35e-9, rel=1e-9)
+    assert fit.parameters["tau0"] == pytest.approx(true.tau0, rel=1e-9, abs=0)
+    assert fit.parameters["tau_high"] == pytest.approx(35e-9, rel=1e-9, abs=0)
 
 
 def test_a_constant_lifetime_decays_exponentially():

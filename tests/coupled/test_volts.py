@@ -76,7 +76,7 @@ def test_scipy_agrees_on_a_heater_whose_resistance_follows_its_temperature(kind)
     assert np.abs(watts / np.maximum(cold, 1e-9) - 1).max() > 0.05  # so that alpha is seen
     # V I = P at every time
     both = run["heater_voltage"] * run["heater_current"]
-    assert both.values == pytest.approx(run["heater_power"].values, rel=1e-12)
+    assert both.values == pytest.approx(run["heater_power"].values, rel=1e-12, abs=0)
     assert run.attrs["heater_change"] <= 1e-8
 
 
@@ -87,7 +87,7 @@ def test_a_constant_resistance_turns_volts_and_amperes_into_watts():
     run = coupled.simulate(RING, model, heaters={"heater": coupled.Volts(1.2)}, **light)
     same = coupled.simulate(RING, model, heaters={"heater": 1.2**2 / OHM}, **light)
     assert (run["delta_T"].values == same["delta_T"].values).all()
-    assert run["heater_current"].values == pytest.approx(1.2 / OHM, rel=1e-12)
+    assert run["heater_current"].values == pytest.approx(1.2 / OHM, rel=1e-12, abs=0)
     wave = th.Function(lambda t: 1.2 * np.sin(2e7 * t))
     squared = th.Function(lambda t: (1.2 * np.sin(2e7 * t)) ** 2 / OHM)
     times = np.linspace(0, 1e-6, 50)
@@ -120,9 +120,9 @@ def test_steady_states_under_a_voltage(drive):
     gain = np.linalg.inv(-model.A)
     moved = RING.thermal_shift / (2 * np.pi) * gain[0, 1] * at_rest_by_hand(drive, 0.0)
     states = coupled.steady_states(RING, model, power=5e-3, detuning=-moved - 10e9, heaters={"heater": drive})
-    assert states.attrs["power_in_heater"] == pytest.approx(at_rest_by_hand(drive, 0.0), rel=1e-10)
+    assert states.attrs["power_in_heater"] == pytest.approx(at_rest_by_hand(drive, 0.0), rel=1e-10, abs=0)
     watts = states.attrs["voltage_of_heater"] * states.attrs["current_of_heater"]
-    assert watts == pytest.approx(states.attrs["power_in_heater"], rel=1e-12)
+    assert watts == pytest.approx(states.attrs["power_in_heater"], rel=1e-12, abs=0)
     for absorbed, rise in zip(states["absorbed"].values, states["delta_T"].values, strict=True):
         power = at_rest_by_hand(drive, absorbed)
         assert power != pytest.approx(states.attrs["power_in_heater"], rel=1e-5)  # so that the feedback is seen
@@ -172,7 +172,7 @@ def test_a_run_goes_on_under_a_voltage():
     whole = coupled.simulate(RING, pair(), duration=2e-6, **drive)
     first = coupled.simulate(RING, pair(), duration=0.5e-6, **drive)
     second = coupled.simulate(RING, pair(), duration=1.5e-6, initial=first, **drive)
-    assert second["heater_power"].values[0, 0] == pytest.approx(first["heater_power"].values[0, -1], rel=1e-7)
+    assert second["heater_power"].values[0, 0] == pytest.approx(first["heater_power"].values[0, -1], rel=1e-7, abs=0)
     assert second.attrs["final_state"] == pytest.approx(whole.attrs["final_state"], rel=1e-6, abs=0)
 
 

@@ -32,8 +32,10 @@ def test_a_ring_on_the_generic_stack():
     assert [layer.thickness for layer in ring.layers] == pytest.approx([10e-6, 3e-6, 3e-6])
     (core,) = ring.parts
     assert (core.name, core.material, core.heated) == ("core", "Si", True)
-    assert core.outer_radius - core.inner_radius == pytest.approx(0.5e-6)  # width_to_z = 0.5: given at half height
-    assert (core.bottom, core.height) == pytest.approx((0, 0.22e-6))
+    assert core.outer_radius - core.inner_radius == pytest.approx(
+        0.5e-6, rel=1e-6, abs=0
+    )  # width_to_z = 0.5: given at half height
+    assert (core.bottom, core.height) == pytest.approx((0, 0.22e-6), rel=1e-6, abs=1e-15)
     assert math.degrees(core.sidewall_angle) == pytest.approx(80)
 
 
@@ -51,11 +53,11 @@ def test_a_heater_and_a_slab_become_parts():
     parts = {part.name: part for part in heated.parts}
     heater = parts["heater"]
     assert (heater.material, heater.heated) == ("TiN", True)
-    assert heater.outer_radius - heater.inner_radius == pytest.approx(2.5e-6)
-    assert (heater.bottom, heater.height) == pytest.approx((1.1e-6, 0.75e-6))
+    assert heater.outer_radius - heater.inner_radius == pytest.approx(2.5e-6, rel=1e-6, abs=0)
+    assert (heater.bottom, heater.height) == pytest.approx((1.1e-6, 0.75e-6), rel=1e-6, abs=0)
     rib = th.from_gdsfactory(gf.components.ring_single(radius=10, cross_section="rib"))
     assert [part.name for part in rib.parts] == ["slab90", "core"]
-    assert rib.parts[0].height == pytest.approx(90e-9)
+    assert rib.parts[0].height == pytest.approx(90e-9, rel=1e-6, abs=0)
 
 
 def test_the_result_solves(needs_mesher):
@@ -116,7 +118,7 @@ def test_another_width_is_a_registered_cross_section():
             th.from_gdsfactory(gf.components.ring_single(cross_section=given))
     gf.get_active_pdk().register_cross_sections(narrow=narrow)
     (core,) = th.from_gdsfactory(gf.components.ring_single(cross_section="narrow")).parts
-    assert core.outer_radius - core.inner_radius == pytest.approx(0.45e-6)
+    assert core.outer_radius - core.inner_radius == pytest.approx(0.45e-6, rel=1e-6, abs=0)
 
 
 @gf.cell

@@ -131,14 +131,14 @@ def test_the_data_sheet_of_a_straight_shifter():
     slope = (index(10.0) - index(0.0)) / 10.0
     expected = wavelength / (length * slope * sheet["thermal_resistance"])
     assert sheet["fsr_power"] == pytest.approx(expected, rel=1e-3)
-    assert sheet["pi_power"] == pytest.approx(sheet["fsr_power"] / 2, rel=1e-12)
+    assert sheet["pi_power"] == pytest.approx(sheet["fsr_power"] / 2, rel=1e-12, abs=0)
     rise = sheet["fsr_power"] * heat.thermal_resistance("heater")
     hot = 500.0 * (1 + 2e-3 * rise)
     assert sheet["fsr_voltage"] / sheet["fsr_current"] == pytest.approx(hot, rel=1e-9)
-    assert sheet["fsr_voltage"] * sheet["fsr_current"] == pytest.approx(sheet["fsr_power"], rel=1e-12)
+    assert sheet["fsr_voltage"] * sheet["fsr_current"] == pytest.approx(sheet["fsr_power"], rel=1e-12, abs=0)
     # the same as the read-out in time takes it: lambda alpha per kelvin of the mode
     mode = heat.lit.light
-    assert sheet["shift_per_kelvin"] == pytest.approx(wavelength / mode.n_g * slope, rel=1e-3)
+    assert sheet["shift_per_kelvin"] == pytest.approx(wavelength / mode.n_g * slope, rel=1e-3, abs=0)
 
 
 def test_commands_print_the_data_sheet(tmp_path):

@@ -115,7 +115,7 @@ def test_a_narrow_feature_is_found_without_a_breakpoint(width):
     rng = np.random.default_rng(5)
     for centre in rng.uniform(0.1, 0.9, 20):
         wave = th.Function(lambda t, centre=centre: 1e-3 * np.exp(-(((t - centre) / width) ** 2) / 2))
-        assert wave.mean(0.0, 1.0) == pytest.approx(1e-3 * width * np.sqrt(2 * np.pi), rel=1e-6)
+        assert wave.mean(0.0, 1.0) == pytest.approx(1e-3 * width * np.sqrt(2 * np.pi), rel=1e-6, abs=0)
 
 
 @pytest.mark.slow
@@ -123,7 +123,9 @@ def test_a_time_scale_finds_what_is_narrower_still():
     def spike(t):
         return 1e-3 * np.exp(-(((t - 0.123456) / 1e-6) ** 2) / 2)
 
-    assert th.Function(spike, time_scale=1e-6).mean(0.0, 1.0) == pytest.approx(1e-9 * np.sqrt(2 * np.pi), rel=1e-6)
+    assert th.Function(spike, time_scale=1e-6).mean(0.0, 1.0) == pytest.approx(
+        1e-9 * np.sqrt(2 * np.pi), rel=1e-6, abs=0
+    )
     assert th.Function(spike, breakpoints=[0.123456]).mean(0.0, 1.0) > 0
 
 
@@ -158,7 +160,7 @@ def test_symbols_are_held_masked_and_noisy():
     assert not np.array_equal(noisy[0](times), noisy[2](times))
     assert noisy[0](times).std() == pytest.approx(2e-4, rel=0.03, abs=0)  # five sigma of 20 000 draws
     assert wave.samples(2).size == 12
-    assert wave.samples()[-1] == wave.stop == pytest.approx(4e-9)
+    assert wave.samples()[-1] == wave.stop == pytest.approx(4e-9, rel=1e-6, abs=0)
 
 
 def test_jumps_that_are_not_named_cost_no_accuracy():

@@ -21,6 +21,7 @@ UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
 CORE = "core"
 BACKGROUND = ("substrate", "box", "clad")
+RING = "such as ring_double has; th.read_layout(component) takes several rings and heaters"
 SECTION_LENGTH = 100e-6  # m, of the section of a layout; it cancels
 SECTION_WIDTH = 1e-6  # m, of a part that a layout draws, each shape with its own width
 MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
@@ -67,7 +68,7 @@ def from_gdsfactory(
     gf = _library()
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
     settings = dict(component.settings)
-    checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
+    checks.choice("setting of the component", "cross_section", settings, hint=RING)
     levels = stack.layers
     added = {name.lower(): material for name, material in (materials or {}).items()}
     material_of = MATERIALS | added
@@ -133,8 +134,8 @@ def _loop(component: Any, guide: Any) -> float:
             lengths.append(length)
     if len(lengths) != 1:
         raise checks.InputError(
-            f"component has {len(lengths)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double",
-            "th.read_layout(component) takes several",
+            f"component has {len(lengths)} closed waveguides on layer {guide.layer}; one is needed",
+            RING,
         )
     inner = lengths[0] * component.kcl.dbu
     return float(inner + math.pi * guide.width)
