@@ -1,9 +1,9 @@
 """Lock a ring to a laser: a PI controller on the drop power moves the heater. Needs python-control.
 
-The plant, from heater to drop power, is the linear ring with the light's feedback. python-control designs on it. The full
-equations then run in windows of 1 us with the heater constant in each: under a step of the package's temperature, a step
-of the heater of the neighbouring ring, and from a hot start. A small dither of the heater measures the plant's gain while
-the loop is closed: where it leaves the value of the linear ring, the linear answer ends. Writes lock.png.
+The plant, from heater to drop power, is the linear ring with the light's feedback. python-control designs on it. The
+full equations then run in windows of 1 us with the heater constant in each: under a step of the package's temperature,
+a step of the heater of the neighbouring ring, and from a hot start. A small dither of the heater measures the plant's
+gain while the loop is closed: where it leaves the value of the linear ring, the linear answer ends. Writes lock.png.
 """
 
 from dataclasses import replace
@@ -33,15 +33,15 @@ setpoint = float(linear.state["drop"])
 print(f"R_eff {linear.thermal_resistance / 1e3:.3g} K/mW, drop {setpoint * 1e6:.3g} uW")
 
 # ---- design: C(z) = gain (1 + zero T/(z - 1)), with |C G| = 1 at the crossover --------------------------------------
+# the drop power at the end of a window sets the heater of the next one: the sampled plant has that delay
 sampled = control.sample_system(linear.to_control(balanced=True), WINDOW)
 plant = sampled["drop", "heater 1"]
 zero = 2 * np.pi * CROSSOVER / 2  # rad/s, an octave below the crossover
 shape = control.tf([1, zero * WINDOW - 1], [1, -1], WINDOW)
-delay = control.tf([1], [1, 0], WINDOW)  # the drop power of a window sets the heater of the next one
 z = np.exp(2j * np.pi * CROSSOVER * WINDOW)
 sign = np.sign(linear.static[0, linear.inputs.index("heater 1")])
-gain = sign / abs(plant(z) * shape(z) * delay(z))  # W/W
-loop = plant * control.ss(gain * shape * delay)
+gain = sign / abs(plant(z) * shape(z))  # W/W
+loop = plant * control.ss(gain * shape)
 omega = 2 * np.pi * np.geomspace(1e2, 0.49 / WINDOW, 2000)
 gain_margin, phase_margin, _, crossing = control.margin(control.frd(loop, omega))
 print(f"crossover {crossing / 2 / np.pi / 1e3:.3g} kHz, margins {phase_margin:.3g} degrees and {gain_margin:.3g}")
