@@ -57,7 +57,9 @@ class Heat(NamedTuple):
     def rise(self, P: Array) -> tuple[Array, Array]:
         """Steady rise (K) under the absorbed power P (uW), and d(dT)/dP; extrapolated linearly above ``top``."""
         z, slope = self._at_rest(P, self.total)
-        return z * (1 + self.curvature * z), slope * (1 + 2 * self.curvature * z)
+        rise = z * (1 + self.curvature * z)
+        read_out = 1 + 2 * self.curvature * z
+        return rise, slope * read_out
 
     def states(self, P: Array) -> Array:
         """Steady states x under the absorbed power P (uW), on the branch from x = 0; shape (..., n)."""
@@ -70,14 +72,19 @@ class Heat(NamedTuple):
         inside = np.minimum(P, self.top)
         x = 2 * inside / self.top - 1
         share = chebyshev.chebval(x, f, tensor=False)
-        share_slope = chebyshev.chebval(x, chebyshev.chebder(f), tensor=False)
+        derivative = chebyshev.chebder(f)
+        share_slope = chebyshev.chebval(x, derivative, tensor=False)
         slope = share + inside * share_slope * 2 / self.top
-        return inside * share + (P - inside) * slope, slope
+        beyond = P - inside
+        return inside * share + beyond * slope, slope
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
         if isinstance(self.of, kernel.PoleHeat):
-            response = sum(gain / (lam + rate) for gain, rate in zip(self.of.gain[0], self.of.rate[0], strict=True))
+            gains = self.of.gain[0]
+            rates = self.of.rate[0]
+            poles = zip(gains, rates, strict=True)
+            response = sum(gain / (lam + rate) for gain, rate in poles)
             read_out = 1 + 2 * self.curvature * self.total * P
             return np.asarray(response * read_out)
         heat = self.of
@@ -85,11 +92,15 @@ class Heat(NamedTuple):
         which = which.reshape(np.shape(P))
         x = self.states(powers)
         by_power = (heat.B + x @ heat.G.T).astype(complex)
-        by_state = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + powers[:, None, None] * heat.G
-        rates, modes = np.linalg.eig(by_state)
+        of_squares = 2 * np.einsum("ijk,mk->mij", heat.H, x)
+        of_power = powers[:, None, None] * heat.G
+        rates, modes = np.linalg.eig(heat.A + of_squares + of_power)
         inputs = np.linalg.solve(modes, by_power[..., None])[..., 0]
         gains = (heat.C @ modes) * inputs
-        return np.asarray(sum(gains[which, k] / (lam - rates[which, k]) for k in range(heat.C.size)))
+        total = np.zeros(np.shape(P), dtype=complex)
+        for k in range(heat.C.size):
+            total += gains[which, k] / (lam - rates[which, k])
+        return total
 
 
 def heat_of(model: Compact, largest: float) -> Heat:
@@ -203,7 +214,9 @@ def peak(pump: ArrayLike, ring: InternalRing) -> Array:
         N, N_slope = carriers(U, rates)
         gamma = field_loss(U, N, rates)
         gamma_slope = rates.fca * N_slope + rates.tpa
-        return x + 2 * np.log(gamma) - target, 1 + 2 * U * gamma_slope / gamma
+        above_pump = x + 2 * np.log(gamma) - target
+        slope = 1 + 2 * U * gamma_slope / gamma
+        return above_pump, slope
 
     high = target - 2 * np.log(rates.loss)
     above, _ = equation(high)
@@ -223,11 +236,16 @@ def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing
     at = balance(U, ring)
     square = pump**2 / U
     per_U = 2 * U * at.gamma * at.gamma_slope
-    far = share**2 > 1e-8  # nearer to the peak a difference of gammas is less exact than their slope
-    difference = (pump**2 / top - at.gamma**2) / np.where(far, share**2, 1.0)
-    ratio = np.sqrt(square + np.where(far, difference, per_U))
-    slope = -2 * U * share * at.shift_slope - (square + per_U) / ratio
-    return U, share * ratio, at.shift - share * ratio, slope
+    below_peak = share**2
+    far = below_peak > 1e-8  # nearer to the peak a difference of gammas is less exact than their slope
+    change = pump**2 / top - at.gamma**2
+    difference = change / np.where(far, below_peak, 1.0)
+    steepness = np.where(far, difference, per_U)
+    ratio = np.sqrt(square + steepness)
+    by_shift = -2 * U * share * at.shift_slope
+    slope = by_shift - (square + per_U) / ratio
+    D = share * ratio
+    return U, D, at.shift - D, slope
 
 
 def farthest(detuning: float, top: float, ring: InternalRing) -> float:
@@ -248,12 +266,14 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     """
     pump, detuning = np.broadcast_arrays(np.atleast_1d(pump), np.atleast_1d(detuning))
     pumps, which = np.unique(pump, return_inverse=True)
-    found = []
+    roots = []
     for k in range(0, pumps.size, PUMPS):
+        block = pumps[k : k + PUMPS]
         part = np.flatnonzero(which // PUMPS == k // PUMPS)
-        U, D, cell = _on_pieces(pumps[k : k + PUMPS], which[part] - k, detuning[part], ring)
-        found.append((U, D, part[cell]))
-    U, D, cell = map(np.concatenate, zip(*found, strict=True))
+        U, D, cell = _on_pieces(block, which[part] - k, detuning[part], ring)
+        roots.append((U, D, part[cell]))
+    columns = zip(*roots, strict=True)
+    U, D, cell = map(np.concatenate, columns)
     order = np.lexsort([U, cell])
     return U[order], D[order], cell[order]
 
@@ -290,8 +310,10 @@ def _on_pieces(
 
 def _brackets(pumps: Array, tops: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing) -> Brackets:
     """Every monotone piece of a tilted resonance on which a detuning of its settings lies."""
-    end = farthest(float(np.abs(detuning).max()), tops[-1], ring)
-    grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
+    largest = float(np.abs(detuning).max())
+    end = farthest(largest, tops[-1], ring)
+    intervals = int(np.ceil(2 * end / SPACING))
+    grid = np.linspace(-end, end, intervals + 1)
     _, _, on_grid, slopes = tilted(grid, pumps[:, None], tops[:, None], ring)
 
     def slope(t: Array, k: NDArray[np.intp]) -> Array:
@@ -303,9 +325,17 @@ def _brackets(pumps: Array, tops: Array, which: NDArray[np.intp], detuning: Arra
     for k in range(pumps.size):
         settings = np.flatnonzero(which == k)
         on_this = pump_of == k
-        t, order = np.unique(np.concatenate([grid, turning[on_this]]), return_index=True)
-        of_resonance = np.concatenate([on_grid[k], at_turning[on_this]])[order]
+        ends = np.concatenate([grid, turning[on_this]])
+        t, order = np.unique(ends, return_index=True)
+        at_ends = np.concatenate([on_grid[k], at_turning[on_this]])
+        of_resonance = at_ends[order]
         off = of_resonance - detuning[settings, None]
-        row, piece = np.nonzero((off[:, 1:] > 0) != (off[:, :-1] > 0))
-        parts.append(Brackets(t[piece], t[piece + 1], off[row, piece], off[row, piece + 1], settings[row]))
-    return Brackets(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        above = off > 0
+        row, piece = np.nonzero(above[:, 1:] != above[:, :-1])
+        low = t[piece]
+        high = t[piece + 1]
+        at_low = off[row, piece]
+        at_high = off[row, piece + 1]
+        parts.append(Brackets(low, high, at_low, at_high, settings[row]))
+    columns = zip(*parts, strict=True)
+    return Brackets(*map(np.concatenate, columns))

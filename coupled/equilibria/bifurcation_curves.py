@@ -191,8 +191,10 @@ def _lines(plane: Plane) -> list[Array]:
 
     def resultant(x: Array, k: NDArray[np.intp]) -> Array:
         A, B = _terms(plane, log_U[k], x)
-        size = A.imag**2 + B.imag**2 * (np.abs(B) ** 2 + np.abs(A)) + tiny
-        value = A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2
+        scale = np.abs(B) ** 2 + np.abs(A)
+        size = A.imag**2 + B.imag**2 * scale + tiny
+        mixed = A.imag * B.imag * B.real
+        value = A.imag**2 - mixed + A.real * B.imag**2
         return np.asarray(value / size)
 
     root, k = zeros(resultant, log_w, log_U.size)
@@ -273,7 +275,10 @@ def _hopf_point(plane: Plane, x: Array) -> tuple[Array, Array] | None:
 
 def _values(plane: Plane, x: Array) -> tuple[Array, Array, Array]:
     """U, D and w of points with the coordinates log U, arsinh D/loss and log w, shape (3, ...)."""
-    return np.exp(x[0]), plane.at.rates.loss * np.sinh(x[1]), np.exp(x[2])
+    U = np.exp(x[0])
+    D = plane.at.rates.loss * np.sinh(x[1])
+    omega = np.exp(x[2])
+    return U, D, omega
 
 
 def _window(plane: Plane, U: Array, D: Array) -> Array:
@@ -289,7 +294,8 @@ def _window(plane: Plane, U: Array, D: Array) -> Array:
 def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
     """Coefficients a and b, of the shape of U, of the fold condition D^2 + 2 a D + b = 0."""
     here = balance(U, plane.at)
-    return U * here.shift_slope, here.gamma**2 + 2 * U * here.gamma * here.gamma_slope
+    by_loss = 2 * U * here.gamma * here.gamma_slope
+    return U * here.shift_slope, here.gamma**2 + by_loss
 
 
 def _folded(plane: Plane) -> list[tuple[float, float]]:
@@ -307,7 +313,8 @@ def _fold_curves(plane: Plane, first: float, last: float) -> list[xr.Dataset]:
     """The parts in the window of the fold curve that runs from the energy ``first`` to ``last`` (fJ) and back."""
 
     def along(angle: Array) -> tuple[Array, Array]:
-        U = first * np.exp(np.sin(angle / 2) ** 2 * np.log(last / first))
+        share = np.sin(angle / 2) ** 2
+        U = first * (last / first) ** share
         a, b = _fold_equation(plane, U)
         root = np.sqrt(np.maximum(a * a - b, 0))
         return U, np.copysign(root, angle) - a  # smooth where both roots meet

@@ -25,16 +25,17 @@ from ..thermal import check_model, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
-DIFFERENCE_STEP = (
-    1e-3  # of the sizes of the states, for derivatives: errors of 1e-6 by truncation and 1e-10 by round-off
-)
+# of the sizes of the states, for derivatives: errors of 1e-6 by truncation and 1e-10 by round-off
+DIFFERENCE_STEP = 1e-3
 
 
 def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
     """Return the states [Re a, Im a, N, x], shape (m, 3 + n), with real fields, and the detunings (rad/ns), (m,)."""
     at = balance(U, ring)
-    light = np.stack([np.sqrt(U), np.zeros(np.shape(U)), at.N], axis=-1)
-    return np.concatenate([light, ring.heat.states(at.P_abs)], axis=-1), at.shift - D
+    phase_zero = np.zeros(np.shape(U))
+    light = np.stack([np.sqrt(U), phase_zero, at.N], axis=-1)
+    heat = ring.heat.states(at.P_abs)
+    return np.concatenate([light, heat], axis=-1), at.shift - D
 
 
 def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
@@ -92,7 +93,8 @@ def first_lyapunov(
     m = np.arange(len(x))
     A = jacobians(x)
     values, vectors = np.linalg.eig(A.astype(complex))
-    k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
+    distance = np.abs(values - 1j * omega[:, None])
+    k = distance.argmin(axis=1)
     w = values[m, k].imag
     q = vectors[m, :, k]
     size_of = (2 * q[m, unit])[:, None]
@@ -116,8 +118,11 @@ def first_lyapunov(
     mean = solve(A.astype(complex), times(first, q.conj()))
     twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
     double = solve(twice, times(first, q))
-    terms = times(second, q) - 2 * times(first, mean) + times(first.conj(), double)
-    return np.einsum("mi,mi->m", p, terms).real / 2, values
+    cubic = times(second, q)
+    by_mean = 2 * times(first, mean)
+    by_double = times(first.conj(), double)
+    g = np.einsum("mi,mi->m", p, cubic - by_mean + by_double)
+    return g.real / 2, values
 
 
 class Fixed(NamedTuple):
@@ -139,8 +144,10 @@ def survey(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> list[Fix
     values = eigenvalues(U, D, ring)
     here = balance(U, ring)
     growth, omega, growing = leading(values)
-    fastest = np.where(values.real > 0, np.abs(values), 0.0).max(axis=1)
-    longest = np.where(growing > 0, CAP / np.where(growing > 0, fastest, 1.0), np.inf)
+    sizes = np.where(values.real > 0, np.abs(values), 0.0)
+    unstable = growing > 0
+    fastest = np.where(unstable, sizes.max(axis=1), 1.0)
+    longest = np.where(unstable, CAP / fastest, np.inf)
     every = np.column_stack([U, here.N, here.dT, longest])
     begins = np.searchsorted(cell, range(cell[-1] + 1))
     ends = pairwise([*begins, cell.size])
@@ -280,20 +287,25 @@ def described(
     """
     here = balance(U, at)
     growth, omega, growing = leading(eigenvalues(U, D, at))
-    unstable = np.where(growing % 2, "saddle", np.where(omega > 0, "unstable focus", "unstable node"))
+    spiral = np.where(omega > 0, "unstable focus", "unstable node")
+    unstable = np.where(growing % 2, "saddle", spiral)
+    regime = np.where(growing == 0, "stable", unstable)
+    absorbed = here.P_abs * UW
     values = further | {
         "energy": U * FJ,
         "carriers": here.N * DENSITY,
         "delta_T": here.dT,
         "drop": drop_power(ring, U),
         "through": through_power(ring, D, here.gamma, powers),
-        "absorbed": here.P_abs * UW,
+        "absorbed": absorbed,
         "growth_rate": growth / NS,
         "frequency": omega / (2 * np.pi * NS),
-        "regime": np.where(growing == 0, "stable", unstable),
+        "regime": regime,
     }
-    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
+    linear_rise = at.model.thermal_resistance * absorbed
+    trusted(model, here.dT, linear_rise)
     variables = {}
     for name, column in values.items():
-        variables[name] = (over, column, dataset.describe("input_power" if name == "power" else name))
+        quantity = "input_power" if name == "power" else name
+        variables[name] = (over, column, dataset.describe(quantity))
     return xr.Dataset(variables, attrs=provenance(kind, ring, at.model))

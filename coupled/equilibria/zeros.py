@@ -56,10 +56,13 @@ def zeros(
     k, i = np.mgrid[:count, : grid.size]
     x = grid[i]
     y = f(x, k) if values is None else values
-    changed = (y[:, 1:] > 0) != (y[:, :-1] > 0)
-    signs = _Brackets(x[:, :-1][changed], x[:, 1:][changed], y[:, :-1][changed], y[:, 1:][changed], k[:, 1:][changed])
+    positive = y > 0
+    changed = positive[:, 1:] != positive[:, :-1]
+    ends = (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])
+    signs = _Brackets(*(column[changed] for column in ends))
     dips = _brackets_in_dips(f, x, y, k, changed)
-    low, high, first, last, number = map(np.concatenate, zip(signs, *dips, strict=True))
+    columns = zip(signs, *dips, strict=True)
+    low, high, first, last, number = map(np.concatenate, columns)
 
     def value_and_slope(x: Array) -> tuple[Array, Array]:
         value, slope, _ = _differences(f, x, number, high - low)
@@ -87,9 +90,13 @@ def _brackets_in_dips(
     before = np.abs(y[:, :-2])
     here = np.abs(y[:, 1:-1])
     after = np.abs(y[:, 2:])
-    dip = ~changed[:, 1:] & ~changed[:, :-1] & (here < before) & (here <= after)
+    unchanged = ~changed
+    dip = unchanged[:, 1:] & unchanged[:, :-1]
+    dip &= here < before
+    dip &= here <= after
     curvature = before - 2 * here + after
-    dip &= (after - before) ** 2 > 8 * (1 - DEEP) * here * curvature  # by the parabola
+    drop = 8 * (1 - DEEP) * here * curvature
+    dip &= (after - before) ** 2 > drop  # by the parabola
     if not dip.any():
         return []
     low = x[:, :-2][dip]
@@ -117,8 +124,11 @@ def _differences(
 ) -> tuple[Array, Array, Array]:
     """Values, first and second derivatives of functions k at x, by central differences with step 1e-5 ``width``."""
     h = 1e-5 * width
-    before, here, after = f(np.array([x - h, x, x + h]), np.array([k, k, k]))
-    return here, (after - before) / (2 * h), (after - 2 * here + before) / h**2
+    points = np.array([x - h, x, x + h])
+    before, here, after = f(points, np.array([k, k, k]))
+    slope = (after - before) / (2 * h)
+    curvature = (after - 2 * here + before) / h**2
+    return here, slope, curvature
 
 
 def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
@@ -131,19 +141,24 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
 
     def distance(s: Array, k: NDArray[np.intp]) -> Array:
         """Distance of the coordinate k // 2 from 0 (even k) or from 1 (odd k)."""
-        coordinate = np.take_along_axis(curve(s.ravel()), k.ravel()[None] // 2, axis=0)[0]
+        coordinates = curve(s.ravel())
+        row = k.ravel()[None] // 2
+        coordinate = np.take_along_axis(coordinates, row, axis=0)
         return coordinate.reshape(s.shape) - k % 2
 
     crossings, _ = zeros(distance, grid, 2 * rows)
-    ends = np.unique(np.concatenate([grid[[0, -1]], crossings]))
+    outer = grid[[0, -1]]
+    ends = np.unique(np.concatenate([outer, crossings]))
     middles = curve((ends[1:] + ends[:-1]) / 2)
-    inside = np.all((middles >= 0) & (middles <= 1), axis=0)
+    in_window = (middles >= 0) & (middles <= 1)
+    inside = in_window.all(axis=0)
     return [(float(ends[a]), float(ends[b])) for a, b in runs_of(inside)]
 
 
 def distances(points: Array, line: Array) -> Array:
     """Return the distances (m,) of points (m, d) from the polyline through ``line`` (n, d); inf for n = 1."""
-    start, side = line[:-1], np.diff(line, axis=0)
+    start = line[:-1]
+    side = np.diff(line, axis=0)
     off = points[:, None] - start
     lengths = np.maximum((side**2).sum(axis=1), 1e-30)
     share = np.clip((off * side).sum(axis=2) / lengths, 0, 1)
