@@ -16,7 +16,8 @@ from .cycles import cycle_folds, derivatives  # noqa: F401 - as coupled.cycles.d
 from .cycles.continue_cycle import continue_cycle
 from .cycles.limit_cycle import limit_cycle
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
-from .equilibria.linear_ring import Linear, linearize
+from .equilibria.linear_response import Linear
+from .equilibria.linear_ring import linearize
 from .equilibria.steady_states import steady_states
 from .equilibria.transmission import transmission
 from .explore import explore

@@ -147,6 +147,11 @@ class Rest(NamedTuple):
     attributes: dict[str, float]
     """Power (W) of every heater, voltage (V) and current (A) of those that one of them drives, ambient (K)."""
 
+    @property
+    def fed_back(self) -> bool:
+        """Whether a resistance follows its temperature, so that the model holds that feedback, too."""
+        return self.sources != self.powers
+
 
 def at_rest(model: Any, heaters: Mapping[str, Any]) -> Rest:
     """Powers of heaters under constant drives; numbers among them are powers already, or the ambient in K.

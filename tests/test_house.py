@@ -162,10 +162,7 @@ def test_examples_compile(script):
 # functions above 15 nodes a statement, each with what makes its lines long
 DENSE = {
     "coupled/circuit/network.py: network_of": "two wide tables of couplings",
-    "coupled/equilibria/balance.py: _brackets": "the columns of the brackets",
     "coupled/equilibria/linear_ring.py: linearize": "one wide Dataset of names",
-    "coupled/equilibria/steady_states.py: described": "a table of variables",
-    "coupled/equilibria/zeros.py: intervals_in_window": "interlaced coordinates",
     "coupled/explore/contents.py: presets": "a table of rings",
     "coupled/explore/section.py: section_of": "the drawing as one literal",
     "coupled/export/circuit_spice.py: _waves": "lines of a netlist",

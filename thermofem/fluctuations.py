@@ -253,7 +253,7 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
     if ring.thermal_forces is None:
         raise checks.InputError(
             "the forces on the poles of this linear ring are not known: its heat is read elsewhere than it is made, is "
-            "not linear, or is shared by several rings",
+            "not linear, is shared by several rings, or moves the resistance of a heater (tcr)",
             "linearize it with the reduction of one part, or of all parts that are read",
         )
     if not ring.stable:

@@ -151,7 +151,7 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
     ends = np.unique(np.concatenate([outer, crossings]))
     middles = curve((ends[1:] + ends[:-1]) / 2)
     in_window = (middles >= 0) & (middles <= 1)
-    inside = in_window.all(axis=0)
+    inside = np.all(in_window, axis=0)
     return [(float(ends[a]), float(ends[b])) for a, b in runs_of(inside)]
 
 

@@ -252,3 +252,13 @@ def test_an_array_that_does_not_read_its_heaters_is_named():
     for function in (coupled.simulate, coupled.steady_states):
         with pytest.raises(th.InputError, match=r"does not read 'heater 1'.*reduce_layout"):
             function(coupled.bus([RING, RING]), array, **drive)
+
+
+def test_the_noise_of_a_heater_under_feedback_is_not_computed():
+    """Under a tcr the states hold the feedback of the heater, and their rates are no dissipation."""
+    for section, known in ((PLAIN, True), (WARM, False)):
+        drive = {"heater": coupled.Volts(0.5)}
+        linear = coupled.linearize(RING, pair(section), power=1e-4, heaters=drive, heated="core", read="core")
+        assert (linear.thermal_forces is not None) == known
+    with pytest.raises(th.InputError, match="moves the resistance of a heater"):
+        th.thermal_noise(linear, [1e5])
