@@ -373,3 +373,51 @@ def test_a_quiet_circuit_in_long_steps(tmp_path):
         expected *= 1 - dip
     # as of a quiet ring
     assert np.abs(through[3:] / expected - 1).max() < 5e-4
+
+
+def locked(step, windows):
+    """Heater powers (W) and drop powers (W) of an integral controller; ``step(heater)`` runs a window of 1 us."""
+    watts = [2e-3]
+    drops = []
+    for _ in range(windows):
+        drops.append(step(watts[-1]))
+        watts.append(watts[-1] + 0.2 * (20e-6 - drops[-1]))
+    return np.array(watts), np.array(drops)
+
+
+def test_the_unit_is_the_plant_of_a_lock(tmp_path):
+    """A heater that is set after every microsecond, in the unit by FMPy and in windows of `simulate`."""
+    fmpy = pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
+    path = str(coupled.export_ring(RING, HEATED, tmp_path / "ring.fmu"))
+    light = {"power": 0.5e-3, "detuning": -30e9}
+    description = fmpy.read_model_description(path)
+    number = {variable.name: variable.valueReference for variable in description.modelVariables}
+    unit = fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unit")), description, "CoSimulation")
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.setReal([number[name] for name in light], list(light.values()))
+    unit.setReal([number["power_heater"]], [2e-3])
+    unit.exitInitializationMode()
+    times = iter(np.arange(30) * 1e-6)
+
+    def of_unit(heater):
+        unit.setReal([number["power_heater"]], [heater])
+        unit.doStep(currentCommunicationPoint=next(times), communicationStepSize=1e-6)
+        return unit.getReal([number["drop"]])[0]
+
+    state = [None]
+
+    def of_python(heater):
+        run = coupled.simulate(
+            RING, HEATED, **light, heaters={"heater": heater}, duration=1e-6, times=[1e-6], initial=state[0]
+        )
+        state[0] = coupled.State.end_of(run)
+        return float(run["drop"][-1])
+
+    watts, drops = locked(of_unit, 30)
+    unit.terminate()
+    unit.freeInstance()
+    expected, expected_drops = locked(of_python, 30)
+    assert np.ptp(expected) > 1e-4  # the controller moves the heater
+    assert watts == pytest.approx(expected, rel=1e-5, abs=0)  # both at rtol 1e-6, and 30 windows
+    assert drops == pytest.approx(expected_drops, rel=1e-4, abs=0)
