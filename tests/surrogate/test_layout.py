@@ -266,6 +266,21 @@ def test_the_poles_are_those_that_the_tolerance_needs():
     assert (layout.poles >= 15).all()
 
 
+def test_a_finer_tolerance_moves_the_response_by_less_than_the_coarser_one():
+    """Close poles of a ring with a heater, whose positive residues take many exchanges."""
+    place = {"radius": 5e-6, "straight": 8e-6}
+    parts = {"ring": "core", "heater": "heater"}
+    shapes = [th.racetrack(name, HEATED, part=part, **place) for name, part in parts.items()]
+    coarse = surrogate.reduce_layout(shapes, tolerance=1e-3)
+    fine = surrogate.reduce_layout(shapes, tolerance=1e-4)
+    assert fine.order > coarse.order
+    for frequency in (0.0, 1e4, 1e6, 1e8):
+        omega = 2 * math.pi * frequency
+        # 1.2: the meshes have a fifth of the tolerance
+        off = np.abs(impedance(coarse.model, omega) - impedance(fine.model, omega))
+        assert off.max() < 1.2e-3 * fine.crosstalk.max()
+
+
 def test_the_line_of_the_green_function_is_a_section_of_oxide():
     """Two cores of the oxide's properties, 3 um apart: the FEM of the section has nothing but the stack."""
     parts = [replace(GUIDE.parts[0], material="SiO2", name=name, x=x) for name, x in (("a", -1.5e-6), ("b", 1.5e-6))]
