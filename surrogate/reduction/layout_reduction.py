@@ -161,15 +161,18 @@ def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     target = H[:, upper[0], upper[1]] / reference[upper]
     rows = np.concatenate([target.real, target.imag, STIFF * target[:1].real])
     responses = 1 / (1 + 1j * omega[:, None] / rate)
-    columns = np.concatenate([responses.real, responses.imag, np.full((1, rate.size), STIFF)])
+    static = np.full((1, rate.size), STIFF)
+    columns = np.concatenate([responses.real, responses.imag, static])
     ridge = np.concatenate([columns, RIDGE * np.eye(rate.size)])
     nothing = np.zeros((rate.size, rows.shape[1]))
-    share = np.linalg.lstsq(ridge, np.concatenate([rows, nothing]), rcond=None)[0]
+    aims = np.concatenate([rows, nothing])
+    share = np.linalg.lstsq(ridge, aims, rcond=None)[0]
     for k in np.flatnonzero(upper[0] == upper[1]):
         share[:, k] = nnls(columns, rows[:, k], maxiter=CHANGES * rate.size)[0]
     share *= target[0].real / share.sum(axis=0)
     residue = _passive(_square(share * reference[upper], upper))
-    error = np.abs(np.tensordot(responses, residue, 1) - H).max(axis=0) / reference
+    off = np.tensordot(responses, residue, 1) - H
+    error = np.abs(off).max(axis=0) / reference
     return Poles(rate, residue, error)
 
 
