@@ -164,10 +164,10 @@ files; `tests/surrogate/test_published_devices.py` holds them.
 Static figures of heat come within 30 % of the laboratory, but for the tungsten heater, of which only metal and radius
 are known: its published figure is that of a heater 5 µm wide here. Of nine times and bandwidths of heaters heat alone
 brings one within a factor of 1.3; −3 dB is then that of the temperature, as an electrical signal counts it. Papers
-measure light (Coenen et al., Photonics 11, 603 (2024)). With the read-out (`th.MZI`) seven of nine come within 1.3. No paper states
-its decibels: half of the optical power is taken for all bandwidths, and a thickness is fitted for two. For times the
-bias of the interferometer is fitted, a swing of a full fringe is taken, and half periods of 10 to 250 µs are the
-plausible range.
+measure light (Coenen et al., Photonics 11, 603 (2024)). With the read-out (`th.MZI`) seven of nine come within 1.3.
+No paper states its decibels: half of the optical power is taken for all bandwidths, and a thickness is fitted for
+two. For times the bias of the interferometer is fitted, a swing of a full fringe is taken, and half periods of 10 to
+250 µs are the plausible range.
 That is what the numbers allow, no proof of how they were measured. What remains: the titanium heater with thin oxides
 is ten to twenty times faster here than published: no bias or period explains that, the electronics count there.
 The doped ridge is 62 µm long, so that some of its heat leaves through its ends, which the section lacks.

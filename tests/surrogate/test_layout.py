@@ -64,6 +64,25 @@ def test_racetracks_against_three_dimensions():
     assert images[3:].sum() == pytest.approx(28.5, rel=0.01)
 
 
+def test_a_straight_heater_beside_a_ring_against_three_dimensions():
+    """A box with insulated sides at 32 um: NGSolve, 277 270 unknowns (benchmarks/bench_heater_3d.py)."""
+    strip = th.Part("heater", "TiN", bottom=1e-6, height=140e-9, heated=True, x=0.0, width=2e-6)
+    section = replace(THIN, parts=(*THIN.parts, strip))
+    shapes = [th.racetrack("ring", section, radius=5e-6, straight=0.0)]
+    for i in range(-2, 3):
+        for j in range(-2, 3):
+            x = 64e-6 * i + (-1) ** i * 8e-6
+            path = [(x, 64e-6 * j - 10e-6), (x, 64e-6 * j + 10e-6)]
+            shapes.append(th.Shape(f"image {i} {j}", section, path=path, part="heater"))
+    layout = surrogate.reduce_layout(shapes)
+    by_heater = layout.crosstalk[:, 1:].sum(axis=1) / 1e3
+    # 1e-3: elements of third and second order differ by 1e-4 there; the images that are left out have less
+    assert by_heater[0] == pytest.approx(1.6007, rel=1e-3)
+    # 1 %: the ends of a heater of 2 um by 20 um, which its line does not know
+    middle = [shape.name for shape in shapes].index("image 0 0")
+    assert by_heater[middle] == pytest.approx(15.8195, rel=1e-2)
+
+
 def test_the_ring_of_the_paper_is_a_circle_of_its_length_to_a_tenth_of_a_percent():
     gain = [
         surrogate.reduce_layout([th.racetrack("ring", GUIDE, radius=R, straight=L)]).model.gain[0, 0]
