@@ -218,6 +218,17 @@ circuit = coupled.Circuit(
     [coupled.Splitter("split", cross=0.1)],
 )
 
+# %% coupled.Volts coupled.Amperes
+shifter = th.assemble(th.heated_ring().with_({"part.heater.resistance": "120 ohm"}))
+heated = surrogate.reduce(shifter.channels(("core", "heater"), "core"), tolerance=1e-3)
+for drive in (coupled.Volts(0.6), coupled.Amperes(5e-3)):  # 3 mW, both
+    coupled.simulate(ring, heated, power=1e-3, heaters={"heater": drive}, duration=1e-6).heater_power
+
+# %% coupled.Linear
+linear = coupled.linearize(ring, model, power=1e-3, detuning=-5e9)
+gain = linear.response([1e3, 1e6])["response"].sel(input="detuning", output="delta_T")  # K/Hz
+linear.thermal_resistance, linear.stable
+
 # %% coupled.FEM
 coupled.cosimulate(ring, coupled.FEM(heat, max_discrepancy=1e-2), power=1e-3, duration=5e-8)
 
