@@ -14,7 +14,7 @@ import coupled
 import thermofem as th
 from coupled.equilibria.transmission import sweep
 from coupled.ring_toml import write_text
-from thermofem_cli.inputs.light_tables import drop_table, light_unit, watts_of
+from thermofem_cli.inputs.light_tables import drop_table, watts_of
 
 ONE = replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
 TRUE = {"bus_rate": 3e9, "loss_rate": 6e9, "frequency": c / 1550.3e-9, "thermal_resistance": 9e3}
@@ -61,7 +61,11 @@ def test_sweeps_in_nm_and_dbm_give_losses_and_resistance(tmp_path):
         ("wavelength,through (dBm)", [], "states no unit; give --units"),
         ("wavelength (nm),power (dBm)", [], "neither drop nor through; give --port"),
         ("wavelength (nm),through (dBm)", ["--units", "nm"], "--units = 'nm' must be two units"),
-        ("wavelength (nm),through (dBm)", ["--columns", "1,9"], "--columns = '1,9' must be two of the columns 1, 2"),
+        (
+            "wavelength (nm),through (dBm)",
+            ["--columns", "1,9"],
+            "--columns = '1,9' must be two of the columns of numbers: 1 'w",
+        ),
         ("wavelength (nm),through (dBm)", ["--held", "tau_x=5 %"], "--held = 'tau_x' is unknown"),
         ("wavelength (nm),through", [], "states no unit and is negative on average"),
     ],
@@ -75,7 +79,7 @@ def test_what_a_table_leaves_open_is_asked_for(tmp_path, header, arguments, said
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(("header", "units"), [("t (us),drop (dBm)", None), ("t,drop", "us,dBm"), ("t,drop", "us,DBM")])
+@pytest.mark.parametrize(("header", "units"), [("t (us),drop (dBm)", None), ("t,drop", "us,dBm")])
 def test_a_trace_in_dbm_is_in_watts(tmp_path, header, units):
     """0 dBm is 1 mW and -10 dBm .1 mW."""
     rows = np.column_stack([np.arange(5), [0, -10, 0, -10, 0]])
@@ -103,5 +107,3 @@ def test_units_of_light():
     assert watts_of("y", y, "mW")[1] == "W"
     np.testing.assert_allclose(watts_of("y", y, "mW")[0], 1e-3 * y)
     assert watts_of("y", y, "V")[1] == "V"
-    column = th.data.number_table.number_table(b"t (us),dB drop\n0,1\n1,2\n2,3").columns[1]
-    assert light_unit(column) == "dB"

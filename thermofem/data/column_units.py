@@ -23,12 +23,10 @@ POWER = "kilogram * meter ** 2 / second ** 3"
 IMPEDANCE = "kelvin * second ** 3 / kilogram / meter ** 2"  # thermal, K/W
 
 DECIBELS = {"dB": (RATIO, 1.0), "dBm": (POWER, 1e-3), "dBW": (POWER, 1.0)}  # what they measure, and 0 dB of it in SI
-SPELLED = {"C": "degC", "deg C": "degC", "degrees C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
+SPELLED = {"C": "degC", "deg C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
 _SIGNS = str.maketrans({"℃": "degC", "°": "deg", "µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm"})
 _SYMBOL = r"(?:[A-Za-z]+|%)"
-_UNIT = re.compile(
-    rf"(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*)?({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII
-)
+_UNIT = re.compile(rf"([\d.]+(?:[eE][+-]?\d+)?)?\s*({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII)
 LONGEST_UNIT = 40  # characters
 
 
@@ -56,28 +54,20 @@ def scale_of(text: str) -> Scale | None:
     """
     unit = text.strip().translate(_SIGNS)
     if unit in DECIBELS:
-        dimensions, reference = DECIBELS[unit]
-        return Scale(dimensions, 0.0, reference, decibels=True)
-    match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST_UNIT else None
+        return Scale(DECIBELS[unit][0], 0.0, DECIBELS[unit][1], decibels=True)
+    match = _UNIT.fullmatch(SPELLED.get(unit, unit)[:LONGEST_UNIT])
     if match is None:
         return None
     symbols = SPELLED.get(match[2], match[2])
-    lower = symbols.lower() if re.fullmatch(r"[A-Z][a-z]{2,}", symbols) else symbols  # "Volt"
-    scale = _parsed(symbols) or _parsed(lower)
-    if scale is None:
-        return None
-    size = float(match[1] or 1)
-    factor = float(f"{size * scale.factor:.15g}")
-    return scale._replace(factor=factor) if math.isfinite(factor) else None
-
-
-def _parsed(symbols: str) -> Scale | None:
-    """Scale of a product of symbols that pint knows; None where it knows them not."""
+    is_word = len(symbols) > 2 and symbols.isalpha() and symbols.istitle()  # "Volt"
+    words = symbols.lower() if is_word else symbols
     try:
-        unit = registry().parse_units(symbols)
-        zero = registry().Quantity(0.0, unit).to_base_units()
-        one = registry().Quantity(1.0, unit).to_base_units()
+        size = float(match[1] or 1)
+        units = registry().parse_units(words)
+        zero = registry().Quantity(0.0, units).to_base_units()
+        one = registry().Quantity(1.0, units).to_base_units()
     except Exception:  # pint has several for a text that is no unit
         return None
     offset = float(zero.magnitude)
-    return Scale(str(zero.units), offset, float(one.magnitude) - offset)
+    factor = float(f"{size * (float(one.magnitude) - offset):.15g}")
+    return Scale(str(zero.units), offset, factor) if math.isfinite(factor) else None

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array
 from ..waveforms import Constant, Waveform
 from . import dataset, files, heating_start, light_start, quantity
 from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, scale_of
@@ -26,12 +26,10 @@ LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of 
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
 ROLES = ("time", "temperature", "power")
-SI_NAMES = {  # headers that may stand without a unit, which is then that of SI
-    "time": ("t", "time", "Time", "TIME", "Zeit"),
-    "temperature": ("T", "dT", "delta_T", "temperature", "Temperature", "rise"),
+SI_NAMES = {  # headers that may stand without a unit where nothing stands above them; it is then that of SI
+    "time": ("s", ("t", "time", "Time", "TIME", "Zeit")),
+    "temperature": ("K", ("T", "dT", "delta_T", "temperature", "Temperature", "rise")),
 }
-SI_UNITS = {"time": "s", "temperature": "K"}
-KELVIN = ("K", "C", "degC", "deg C", "°C", "℃")  # behind the slash of a sensitivity
 ARRAYS = {".npz": "NumPy", ".npy": "NumPy", ".mat": "MATLAB", ".h5": "HDF5", ".hdf5": "HDF5"}  # endings, of what
 ASK_UNITS = 'give the units of time and temperature, such as --units "us,mV"'
 
@@ -96,38 +94,38 @@ def read_trace(
     path = checks.path("path", path)
     check_text(path)
     content = files.read_bytes(path, "table", most=400_000_000)
-    digest = hashlib.sha256(content).hexdigest()
     with checks.prefixed(str(path)):
         table = number_table(content)
-        del content
-        said: list[str] = [f"{table.after} lines below the table are left out"] if table.after else []
+        said = [f"{table.after} lines below the table are left out"] if table.after else []
         chosen = _columns(table, columns, time, temperature, power)
-        given = _units(units, time, temperature)
-        t = _times(table, chosen[0], given["time"], said)
+        stated = _units(units, time, temperature)
+        t = _times(table, chosen[0], stated["time"], said)
         wave = watts = None
         if isinstance(power, str):
-            watts = _scaled(chosen[2], given.get("power") or chosen[2].unit, "power", (POWER,))[1]
+            watts = _in_si(chosen[2], stated.get("power") or chosen[2].unit, "power", (POWER,))
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         if light:
-            y = _light(chosen[1], given["temperature"], said)
+            y = _light(chosen[1], stated["temperature"], said)
         else:
-            y = _temperatures(table, chosen[1], given["temperature"], sensitivity, wave, said)
+            y = _temperatures(table, chosen[1], stated["temperature"], sensitivity, wave, said)
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
-        first, within = _start(table, chosen, t, start, said)
-        apart = heated is not None and read is not None and heated != read
-        if apart and first is None and wave is not None:
-            raise _no_search(table, chosen, str(heated), str(read))
+        first, within = _start(table, t, start, said)
+        if first is None and wave is not None and None not in (heated, read) and heated != read:
+            raise checks.InputError(
+                f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not "
+                "searched",
+                'give --start, such as --start "0 s" or the header of a column of the drive',
+            )
         if watts is None:  # a power column jumps at a time that stands twice
             t, y = _distinct(t, y, said)
-        if wave is None:
-            if first is None:
-                first = min(float(t[0]), 0.0)
+        else:
+            first = min(float(t[0]), 0.0) if first is None else first
             after = t >= first
             t = t[after]
             y = y[after]
-            assert watts is not None
             wave = heating_start.sampled_power(t - first, watts[after])
+        assert wave is not None
         rows = heating_start.Rows(t, y, wave, unit_of(said), said)
         if light:
             times, rise, wave, about = light_start.light_of(rows, first, fall)
@@ -138,63 +136,39 @@ def read_trace(
         if within:
             about[dataset.START] = within
     sources = [f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)]
-    attributes: dict[str, Any] = {"source": path.name, "source_sha256": digest}
+    attributes: dict[str, Any] = {"source": path.name, "source_sha256": hashlib.sha256(content).hexdigest()}
     attributes["source_columns"] = ", ".join(sources)
     attributes["assumed"] = "\n".join(said)
     if heated is not None:
         attributes["heated"] = heated
-    attributes |= about
     part = read or temperature or "core"
-    return dataset.build(times, rise, wave, read=(part,), attributes=attributes)
+    return dataset.build(times, rise, wave, read=(part,), attributes=attributes | about)
 
 
 def check_text(path: Path) -> None:
     """Raise InputError for a file of arrays by its ending: it is no table of text."""
     if program := ARRAYS.get(path.suffix.lower()):
-        raise checks.InputError(
-            f"{path} holds arrays of {program}, no table of text",
-            "write two of them as columns: np.savetxt('trace.csv', np.column_stack([t, T]), delimiter=',', "
-            "header='time (s),T (K)', comments='')",
-        )
+        hint = "np.savetxt('trace.csv', np.column_stack([t, T]), delimiter=',', header='time (s),T (K)', comments='')"
+        raise checks.InputError(f"{path} holds arrays of {program}, no table of text", f"write two of them: {hint}")
 
 
-def _start(
-    table: NumberTable, chosen: Sequence[Column], t: Array, start: str | float | None, said: list[str]
-) -> tuple[float | None, float]:
+def _start(table: NumberTable, t: Array, start: str | float | None, said: list[str]) -> tuple[float | None, float]:
     """Start of heating in s, None where it is to be found, and how far it may be off: from a quantity or a column."""
     if not isinstance(start, str):
         return start, 0.0
     if all(start not in (column.header, column.name) for column in table.columns):
         return quantity.parse(start, "s", name="--start"), 0.0
     column = _named(table, "start", start)
-    levels = _levels(column)
-    if levels is None:
+    low = column.values.min()
+    swing = np.ptp(column.values)
+    between = (column.values > low + LEVEL * swing) & (column.values < low + (1 - LEVEL) * swing)
+    if not swing > 0 or between.mean() > EDGES:
         rule = "has not two levels, as a drive that is switched has"
         raise checks.InputError(f"--start = {checks.shown(start)}: {column.label} {rule}", "give --start in s")
-    edge = int(np.argmax(np.diff(levels)))
+    edge = int(np.argmax(np.diff(column.values > low + swing / 2)))
     middle = float(t[edge] + t[edge + 1]) / 2
     said.append(f"the heating begins at {quantity.rounded(middle, 's', 4)}, the first edge of {column.label}")
     return middle, float(t[edge + 1] - t[edge])
-
-
-def _levels(column: Column) -> NDArray[np.bool_] | None:
-    """Whether each row of a column is at the upper of its two levels; None for a column that has not two."""
-    swing = float(np.ptp(column.values))
-    if not np.isfinite(swing) or swing == 0:
-        return None
-    share = (column.values - column.values.min()) / swing
-    between = (share > LEVEL) & (share < 1 - LEVEL)
-    return None if between.mean() > EDGES else share > 0.5
-
-
-def _no_search(table: NumberTable, chosen: Sequence[Column], heated: str, read: str) -> checks.InputError:
-    """Error of a trace of another part than the one that is heated, without a start; it offers columns of the drive."""
-    drives = [column.header for column in table.columns if column not in chosen and _levels(column) is not None]
-    offers = "".join(f" or --start {name!r}, the column of the drive" for name in drives if name)
-    return checks.InputError(
-        f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not searched",
-        f'give --start, such as --start "0 s"{offers}',
-    )
 
 
 def _columns(
@@ -203,7 +177,7 @@ def _columns(
     """Columns of time and temperature and, where ``power`` is the name of one, of power."""
     drive = (_named(table, "power", power),) if isinstance(power, str) else ()
     if columns is not None:
-        return (*_numbered(table, columns), *drive)
+        return (*table.pair(columns), *drive)
     first = None if time is None else _named(table, "time", time)
     second = None if temperature is None else _named(table, "temperature", temperature)
     free = [column for column in table.columns if column not in (first, second, *drive)]
@@ -223,24 +197,13 @@ def _columns(
 
 def _only(columns: Sequence[Column], role: str, dimensions: tuple[str, ...]) -> Column | None:
     """The one column whose unit, or without one whose name, says that it is a time or a temperature; else None."""
+    names = SI_NAMES[role][1]
     likely = []
     for column in columns:
-        measures = column.header in SI_NAMES[role] if column.scale is None else column.scale.dimensions in dimensions
+        measures = column.scale.dimensions in dimensions if column.scale else column.header in names
         if measures:
             likely.append(column)
     return likely[0] if len(likely) == 1 else None
-
-
-def _numbered(table: NumberTable, columns: Any) -> list[Column]:
-    """The two columns of these numbers, "4,5" or (4, 5)."""
-    texts = columns.split(",") if isinstance(columns, str) else columns
-    numbers = [str(text).strip() for text in texts]
-    by_number = {str(column.number): column for column in table.columns}
-    pair = [by_number[number] for number in numbers if number in by_number]
-    if not len(numbers) == len(pair) == 2:
-        rule = f"must be two of the columns of numbers: {table.listed}"
-        raise checks.InputError(f"--columns = {checks.shown(columns)} {rule}")
-    return pair
 
 
 def _named(table: NumberTable, role: str, name: str) -> Column:
@@ -268,45 +231,39 @@ def _units(units: str | Mapping[str, str] | None, time: str | None, temperature:
 
 
 def _unit(table: NumberTable, column: Column, role: str, said: list[str]) -> str:
-    """Unit of a column: that of its header, the only one that a line above states, or SI where the name says enough.
+    """Unit of a column: that of its header, the one that a line above states, or SI where the name says enough.
 
     Raises InputError: a name that does not say it, or lines above the table that may name another unit.
     """
     if column.unit:
         return column.unit
-    above = table.units_above((TIME,) if role == "time" else READINGS)
-    stated = [unit for unit, line in above.items() if "unit" in line.lower()]
-    if len(stated) == 1:
-        said.append(f"{column.label} is in {stated[0]}, as {above[stated[0]][:40]!r} above the table says")
-        return stated[0]
-    lines = "".join(f", and {line[:40]!r} stands above the table" for line in list(above.values())[:1])
-    if lines or column.header not in SI_NAMES[role]:
+    if stated := table.stated_unit((TIME,) if role == "time" else READINGS):
+        said.append(f"{column.label} is in {stated}, as a line above the table says")
+        return stated
+    unit, names = SI_NAMES[role]
+    if table.above or column.header not in names:
+        lines = f", and {table.above[0][:40]!r} stands above the table" if table.above else ""
         raise checks.InputError(f"{column.label} states no unit{lines}", ASK_UNITS)
     if role == "time":
         span = f"the span of {column.label}, which states no unit,"
         checks.between(span, np.ptp(column.values), 0, LONGEST_TIME, hint=ASK_UNITS)
-    said.append(f"{column.label} states no unit: {SI_UNITS[role]}")
-    return SI_UNITS[role]
+    said.append(f"{column.label} states no unit: {unit}")
+    return unit
 
 
-def _scaled(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> tuple[str, Array]:
-    """What a column in a unit measures, and its values in SI.
-
-    Raises InputError: a unit of other dimensions, a number that is empty or not finite.
-    """
+def _in_si(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> Array:
+    """Values of a column in SI by its unit; InputError for other dimensions, and numbers that are not finite."""
     scale = scale_of(unit)
     if scale is None or scale.dimensions not in dimensions:
         hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
         raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
     # beyond 1e30 is the code of an overload
-    checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    return scale.dimensions, column.in_si(unit)
+    return checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
 
 
 def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
     """Times in s, checked not to decrease."""
-    unit = given or _unit(table, column, "time", said)
-    _, t = _scaled(column, unit, "time", (TIME,))
+    t = _in_si(column, given or _unit(table, column, "time", said), "time", (TIME,))
     return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
@@ -327,28 +284,27 @@ def _temperatures(
 ) -> Array:  # fmt: skip
     """Temperatures in K, or readings divided by the sensitivity."""
     unit = given or _unit(table, column, "temperature", said)
-    kelvin = 1.0
     if sensitivity is not None:
         size, measured = _sensitivity(sensitivity)
-        kelvin = 1 / size
         said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
-        _, y = _scaled(column, unit, f"reading, whose sensitivity is {sensitivity}", (measured,))
+        y = _in_si(column, unit, f"reading, whose sensitivity is {sensitivity}", (measured,)) / size
     else:
-        measured, y = _scaled(column, unit, "temperature", READINGS)
-        if measured == IMPEDANCE and not isinstance(wave, Constant):
-            raise checks.InputError(
-                f"{column.label} is in {unit}, an impedance under a step", "give a constant --power"
-            )
-        if measured == IMPEDANCE and isinstance(wave, Constant):
-            said.append(f"{column.label} is in {unit}: multiplied by the power")
-            kelvin = wave.power
-        elif measured == VOLTAGE:
-            said.append(
-                f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
-                'measured, --sensitivity "10 mV/K" makes kelvin of it'
-            )
+        y = _in_si(column, unit, "temperature", READINGS)
+        scale = scale_of(unit)
+        measured = scale.dimensions if scale else ""
+    if sensitivity is None and measured == IMPEDANCE:
+        if not isinstance(wave, Constant):
+            rule = "an impedance under a step"
+            raise checks.InputError(f"{column.label} is in {unit}, {rule}", "give a constant --power")
+        said.append(f"{column.label} is in {unit}: multiplied by the power")
+        y = y * wave.power
+    elif sensitivity is None and measured == VOLTAGE:
+        said.append(
+            f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
+            'measured, --sensitivity "10 mV/K" makes kelvin of it'
+        )
     # 1e5: beyond is the code of an overloaded instrument, such as 9.9E+37
-    return checks.numbers(f"{column.label} in K", kelvin * y, most=1e5, hint="an overload, or another unit?")
+    return checks.numbers(f"{column.label} in K", y, most=1e5, hint="an overload, or another unit?")
 
 
 def _sensitivity(given: str | float) -> tuple[float, str]:
@@ -357,12 +313,13 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
         return checks.finite("sensitivity", given, unit="V/K"), VOLTAGE
     reading, _, kelvin = given.strip().rpartition("/")
     scale = scale_of(reading.lstrip("+-"))
-    if scale is None or scale.offset or scale.decibels or scale.factor == 0 or kelvin.strip() not in KELVIN:
+    per = scale_of(kelvin)
+    if not (scale and per and scale.factor and per.dimensions == TEMPERATURE) or scale.offset or scale.decibels:
         raise checks.InputError(
             f"--sensitivity = {given!r} must be a reading per kelvin", 'such as "10 mV/K" or "75 pm/K"'
         )
     sign = -1.0 if reading.startswith("-") else 1.0
-    return sign * scale.factor, scale.dimensions
+    return sign * scale.factor / per.factor, scale.dimensions
 
 
 def _distinct(t: Array, y: Array, said: list[str]) -> tuple[Array, Array]:
@@ -372,16 +329,13 @@ def _distinct(t: Array, y: Array, said: list[str]) -> tuple[Array, Array]:
     """
     steps = np.diff(t)
     same = np.flatnonzero(steps == 0)
-    if not same.size:
-        return t, y
-    jumps = np.abs(np.diff(y)[same])
-    apart = np.any(jumps > 0.05 * np.ptp(y))
-    thrice = np.any(np.diff(same) == 1)
-    if apart or thrice or same.size > max(2, REPEATED * t.size):
+    apart = np.abs(np.diff(y)[same]) > 0.05 * np.ptp(y)
+    if apart.any() or same.size > max(2, REPEATED * t.size):
         raise checks.InputError(
             f"{same.size} times stand more than once, the first is {t[same[0]]:g} s: they are rounded, or two records "
             "in one file; write them with more digits"
         )
-    said.append(f"{same.size} rows that repeat a time are left out")
+    if same.size:
+        said.append(f"{same.size} rows that repeat a time are left out")
     first = np.append(True, steps > 0)
     return t[first], y[first]

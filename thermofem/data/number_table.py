@@ -19,9 +19,10 @@ from .column_units import Scale, scale_of
 
 DIVIDERS = ("\t", ";", ",", " ")
 FIRST_ROWS = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
-MOSTLY = 0.8  # share of the rows that hold a number in a column of numbers; settings stand beside the first rows only
+MOSTLY = 0.8  # share of the rows that hold a number in a column of numbers
 MARKS = "%#!/"  # that begin a remark or a header in some program
 BLANK = MARKS + ",;\t \"'"  # a line of nothing else is blank
+_BETWEEN_WORDS = str.maketrans(dict.fromkeys('\t;,|:=()[]"', " "))
 # a name without a factor ("10^3 T", "T x 1000": its scale is open), and a unit; COMSOL writes a remark after a comma
 _HEADER = re.compile(r"(?!.*(?:\d\s*x\b|\bx\s*\d))([^()\[\]*^×·]*)[(\[]([^()\[\]]+)[)\]]\s*(?:,.*)?")
 _BETWEEN_TITLES = re.compile(r"\s{2,}|(?<=[)\]])\s+")  # wide spaces, or one behind a bracket
@@ -63,18 +64,6 @@ class Column:
         """What the column measures; None where it states no unit."""
         return scale_of(self.unit) if self.unit else None
 
-    def in_si(self, unit: str = "") -> Array:
-        """The values in SI, by a ``unit`` that goes before that of the file.
-
-        Raises InputError: no unit, or one that is unknown.
-        """
-        unit = unit or self.unit
-        scale = scale_of(unit)
-        if scale is None:
-            what = f"is in {shown(unit)}, no known unit" if unit else "states no unit"
-            raise InputError(f"{self.label} {what}", 'give the units of both columns, such as --units "us,mV"')
-        return scale.in_si(self.values)
-
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
@@ -93,15 +82,25 @@ class NumberTable:
         """The columns as messages list them."""
         return ", ".join(f"{column.number} {column.header!r}" for column in self.columns)
 
-    def units_above(self, dimensions: tuple[str, ...]) -> dict[str, str]:
-        """Units of these dimensions in lines above the table, each with its line."""
-        units = {}
-        for line in self.above:
-            for word in re.split(r"[\s,;:=()\[\]\"]+", line):
-                scale = scale_of(word) if len(word) > 1 or word in "sKV" else None
-                if scale and scale.dimensions in dimensions:
-                    units[word] = line.strip()
-        return units
+    def pair(self, columns: Any) -> tuple[Column, Column]:
+        """The two columns of these numbers, "4,5" or (4, 5), counted from 1.
+
+        Raises InputError: others than two, or a number that no column has.
+        """
+        numbers = columns.split(",") if isinstance(columns, str) else columns
+        by_number = {str(column.number): column for column in self.columns}
+        chosen = [by_number.get(str(number).strip()) for number in numbers]
+        if len(chosen) != 2 or None in chosen:
+            raise InputError(f"--columns = {shown(columns)} must be two of the columns of numbers: {self.listed}")
+        return chosen[0], chosen[1]  # type: ignore[return-value]
+
+    def stated_unit(self, dimensions: tuple[str, ...]) -> str:
+        """The one unit of these dimensions in the lines above the table that say "unit"; "" for none or several."""
+        lines = [line for line in self.above if "unit" in line.lower()]
+        words = {word for line in lines for word in _words(line)}
+        scales = {word: scale_of(word) for word in words}
+        units = [word for word, scale in scales.items() if scale and scale.dimensions in dimensions]
+        return units[0] if len(units) == 1 else ""
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
@@ -125,10 +124,10 @@ def number_table(content: bytes) -> NumberTable:
     >>> [(column.name, column.unit) for column in table.columns]
     [('Time', 'us'), ('T', 'K')]
     """
-    lines = text_of(content).split("\n")
+    lines = _lines(content)
     begin, divider = _first_row(lines)
     stop = _behind_last_row(lines, divider)
-    cells = _frame(lines[begin:stop], divider)
+    cells = _frame("\n".join(lines[begin:stop]), divider)
     numbers = _number_columns(cells)
     above = [line for line in lines[:begin] if line.strip(BLANK)]
     titles = _titles(above, divider, cells.shape[1])
@@ -140,18 +139,18 @@ def number_table(content: bytes) -> NumberTable:
 
 def has_rows(content: bytes) -> bool:
     """Whether the beginning of a file has a line of two numbers, as every table has."""
-    lines = text_of(content).split("\n")
-    return any(len(_numbers(line, divider)) > 1 for line in lines for divider in DIVIDERS)
+    return any(len(_numbers(line, divider)) > 1 for line in _lines(content) for divider in DIVIDERS)
 
 
-def text_of(content: bytes) -> str:
-    """The text of a file in UTF-8, UTF-16 with its mark, or Windows' western code page, lines ended by a line feed."""
+def _lines(content: bytes) -> list[str]:
+    """Lines of a file in UTF-8, UTF-16 with its mark, or Windows' western code page; 1.5D-06 becomes 1.5e-06."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
         text = content.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return _FORTRAN.sub("e", text).split("\n")
 
 
 def _cells(line: str, divider: str) -> list[str]:
@@ -162,27 +161,30 @@ def _cells(line: str, divider: str) -> list[str]:
     return [cell.strip() for cell in next(reader, [])]
 
 
-def _is_number(cell: str, divider: str = " ") -> bool:
-    """Whether a cell is a number; a decimal comma is allowed unless commas divide the columns."""
-    point = cell if divider == "," else cell.replace(",", ".")
+def _words(line: str) -> list[str]:
+    """Cells and words of a line, however they are divided."""
+    return line.translate(_BETWEEN_WORDS).split()
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
     try:
-        float(_FORTRAN.sub("e", point))
+        float(cell.replace(",", "."))
     except ValueError:
         return False
-    return cell.isascii() and "_" not in cell  # other digits and 1_000 are numbers of Python alone
+    return True
 
 
 def _numbers(line: str, divider: str) -> set[int]:
     """Places of the cells that are numbers; none in a remark."""
     if line.lstrip().startswith(tuple(MARKS)):
         return set()
-    return {place for place, cell in enumerate(_cells(line, divider)) if _is_number(cell, divider)}
+    return {place for place, cell in enumerate(_cells(line, divider)) if _is_number(cell)}
 
 
 def _begins_with_number(line: str) -> bool:
     """Whether a line begins with a number, like a row, in whatever way its cells are divided."""
-    words = re.split(r"[\s;,|\"]+", line.strip('\t ,;"'))
-    return _is_number(words[0])
+    return any(_is_number(word) for word in _words(line)[:1])
 
 
 def _first_row(lines: list[str]) -> tuple[int, str]:
@@ -206,25 +208,21 @@ def _behind_last_row(lines: list[str], divider: str) -> int:
     return stop
 
 
-def _frame(lines: list[str], divider: str) -> Any:
+def _frame(text: str, divider: str) -> Any:
     """The cells of the rows, a DataFrame whose columns are counted from 0; numbers where all cells are numbers.
 
     Raises InputError: a row of more cells than the first, commas that may divide thousands.
     """
     import pandas as pd  # type: ignore[import-untyped]
 
-    text = "\n".join(lines)
     commas = divider != "," and "," in text
     if commas and ("." in text or not _DECIMAL_COMMA.search(text)):
         rule = "the commas of its numbers may divide thousands, 1,234 as 1234"
         raise InputError(rule, "write a decimal point and no other mark")
-    if _FORTRAN.search(lines[0]):
-        text = _FORTRAN.sub("e", text)
     separator = r"\s+" if divider == " " else divider
-    decimal = "," if commas else "."
     options: dict[str, Any] = {"header": None, "skipinitialspace": True, "low_memory": False}
     try:
-        return pd.read_csv(io.StringIO(text), sep=separator, decimal=decimal, **options)
+        return pd.read_csv(io.StringIO(text), sep=separator, decimal="," if commas else ".", **options)
     except ValueError as error:  # pandas' ParserError is one
         raise InputError(f"a row is damaged: {str(error).splitlines()[0]}") from None
 
@@ -239,13 +237,10 @@ def _number_columns(cells: Any) -> Any:
     numbers = cells.apply(pd.to_numeric, errors="coerce")
     counts = numbers.notna().sum()
     numbers = numbers.loc[:, counts >= MOSTLY * counts.max()]
-    if numbers.shape[1] < 2:
-        raise InputError("the rows have no two columns of numbers in common")
     damaged = (numbers.isna() & cells[numbers.columns].notna()).any(axis=1)
-    if damaged.any():
-        row = cells[damaged].iloc[0].dropna()
-        beginning = ", ".join(map(str, row))[:40]
-        raise InputError(f"the row {beginning!r} is no row of {numbers.shape[1]} numbers")
+    if numbers.shape[1] < 2 or damaged.any():
+        row = cells[damaged].head(1).to_csv(header=False, index=False)
+        raise InputError(f"its rows are no rows of two numbers or more: {row.strip()[:40]!r}")
     return numbers.dropna(how="all").astype(float)
 
 
