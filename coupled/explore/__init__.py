@@ -176,7 +176,8 @@ def explore(
 
 def _middle(family: Any) -> Any:
     """The thermal model of the member in the middle of a family's ranges."""
-    return family.at(dict(zip(family.names, family.box.middle, strict=True)))
+    middle = (family.box.low + family.box.high) / 2
+    return family.model(**dict(zip(family.names, middle, strict=True)))
 
 
 def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:

@@ -251,7 +251,7 @@ class Stack:
     class box:  # noqa: N801
         low, high, units = np.array([1e-6, 0.4e-6]), np.array([3e-6, 0.6e-6]), ("m", "m")
 
-    def model(self, box, width):
+    def model(self, box, width, read=None):
         return th.Foster(R=[1500 * 0.45e-6 / width, 2e3 + 2e9 * box], tau=[50e-9, 1.2e-6 * (box / 2e-6)])
 
 

@@ -44,7 +44,7 @@ class Oxide:
     def __init__(self):
         self.middle = surrogate.reduce(th.assemble(th.strip_ring(), 1e-2).system, tolerance=1e-3).model
 
-    def model(self, box):
+    def model(self, box, read=None):
         share = (1 + box / 2e-6) / 2
         slow = self.middle.tau > 100e-9
         factor = np.where(slow, share, 1)
