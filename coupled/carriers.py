@@ -1,8 +1,9 @@
 """Free-carrier recombination, with a constant lifetime or through one trap level; decay curves and their fit."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from collections.abc import Collection
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 import xarray as xr
@@ -14,6 +15,10 @@ from thermofem.data.variables import in_si
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 FARTHEST = 690.0  # of a logarithm: the largest number
+UNITS = {  # of the fields of all laws
+    "tau": "s", "tau_n": "s", "tau_p": "s", "intrinsic_density": "1/m^3", "hole_density": "1/m^3", "trap_energy": "eV",
+    "thermal_energy": "eV",
+}  # fmt: skip
 GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
 
 
@@ -128,6 +133,15 @@ class ShockleyReadHall:
         """tau(N) in s at the excess density ``density`` in 1/m^3, shape of ``density``."""
         N = checks.numbers("density", density)
         return np.asarray(self.tau0 * (1 + self.a * N) / (1 + self.b * N))
+
+
+CarrierLaw = ConstantLifetime | ShockleyReadHall  # of rings: whatever has tau0, a and b, and its fields in UNITS
+LAWS: tuple[type[Any], ...] = get_args(CarrierLaw)
+
+
+def law_with(names: Collection[str]) -> type[Any]:
+    """The law that has most of these fields."""
+    return max(LAWS, key=lambda law: sum(one.name in names for one in fields(law)))
 
 
 def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) -> xr.Dataset:

@@ -18,7 +18,7 @@ from thermofem.data import dataset, files
 from thermofem.ring_temperature import CORE, READS, GuidedMode
 
 from . import ring_toml
-from .carriers import ConstantLifetime, ShockleyReadHall
+from .carriers import LAWS, CarrierLaw
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class RingResonator:
         Gamma_TPA and V_TPA, for the loss by two-photon absorption.
     fca_confinement, fca_volume : float; 1, m^3
         Gamma_FC and V_FCA, for the carriers made by it.
-    carriers : ShockleyReadHall or ConstantLifetime
+    carriers : ShockleyReadHall, ConstantLifetime or another of `coupled.carriers.LAWS`
         recombination, tau(N).
     lumped_fcd : float, m^3, optional
         coefficient of a single linear dispersion term for both carrier types, for Newton's law (`with_lumped_fcd`).
@@ -105,7 +105,7 @@ class RingResonator:
     tpa_volume: float
     fca_confinement: float
     fca_volume: float
-    carriers: ShockleyReadHall | ConstantLifetime
+    carriers: CarrierLaw
     lumped_fcd: float | None = None
     drop_rate: float | None = None
     scattering_rate: float = 0.0
@@ -122,7 +122,7 @@ class RingResonator:
             if getattr(self, name) is not None:
                 ring_toml.checked(name, getattr(self, name))
         hint = "ShockleyReadHall(...) or ConstantLifetime(30e-9) is needed"
-        checks.instance("carriers", self.carriers, ShockleyReadHall, ConstantLifetime, hint=hint)
+        checks.instance("carriers", self.carriers, *LAWS, hint=hint)
         for name, value in self.rates:
             checks.choice("rates", name, ring_toml.RATES)
             checks.between(f"rates {name}", value, -math.inf if name == "thermal_shift" else 0, math.inf)

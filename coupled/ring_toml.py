@@ -47,7 +47,7 @@ from thermofem.data.files import ANY, TABLE, TABLES, TEXT, read_table
 from thermofem.errors import one_line
 from thermofem.ring_temperature import CORE, GuidedMode
 
-from .carriers import ConstantLifetime, ShockleyReadHall
+from . import carriers
 
 SILICON = (3.0, 4.0)  # refractive index near 1.55 um: a smaller one is that of a mode or of another material
 log = logging.getLogger("thermofem")
@@ -90,8 +90,7 @@ RATES = {
     "eta_fca": "m^3/s", "eta_tpa": "1/s/J", "g_tpa": "1/m^3/s/J^2", "thermal_shift": "rad/s/K", "kerr_shift": "rad/s/J",
 }  # fmt: skip
 UNITS = {  # of every number of a ring that may vary, and of every field of its carriers
-    **{name: known.unit for name, known in FIELDS.items()}, "tau": "s", "tau0": "s", "tau_n": "s", "tau_p": "s",
-    "intrinsic_density": "1/m^3", "hole_density": "1/m^3", "trap_energy": "eV", "thermal_energy": "eV",
+    **{name: known.unit for name, known in FIELDS.items()}, **carriers.UNITS, "tau0": "s",
 }  # fmt: skip
 # fields of the carriers that a file writes as another quantity: its key, its unit, and the field for one of it
 _OTHERWISE = {"tau": ("lifetime", "s", 1.0), "thermal_energy": ("temperature", "K", k / e)}
@@ -259,7 +258,8 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
     for coefficient, exponent in ring.fcd:
         text += f"\n[[dispersion]]\n{line('coefficient', repr(coefficient), 'fcd')}exponent = {exponent!r}\n"
     text += "\n[carriers]\n"
-    for name, (key, unit, one) in _carrier_keys(type(ring.carriers)).items():
+    for name in [one.name for one in dataclasses.fields(ring.carriers)]:
+        key, unit, one = _key(name)
         text += line(key, json.dumps(quantity.write(getattr(ring.carriers, name) / one, unit)), "carriers")
     if ring.rates:
         text += "\n[rates]\n" + "".join(
@@ -268,16 +268,17 @@ def write_text(ring: Any, comments: Mapping[str, str]) -> str:
     return text
 
 
-def _carrier_keys(law: type[Any]) -> dict[str, tuple[str, str, float]]:
-    """By field of a carrier law: its key in [carriers], the unit of the key, and the field's value for one unit."""
-    return {one.name: _OTHERWISE.get(one.name, (one.name, UNITS[one.name], 1.0)) for one in dataclasses.fields(law)}
+def _key(name: str) -> tuple[str, str, float]:
+    """Of a field of a carrier law: its key in [carriers], the unit of the key, and the field's value for one unit."""
+    return _OTHERWISE.get(name, (name, carriers.UNITS[name], 1.0))
 
 
-def _carriers(item: dict[str, Any]) -> ShockleyReadHall | ConstantLifetime:
-    constant = "lifetime" in item
-    law: type[Any] = ConstantLifetime if constant else ShockleyReadHall
-    keys = _carrier_keys(law)
-    where = "[carriers] with a constant lifetime" if constant else "[carriers]"
+def _carriers(item: dict[str, Any]) -> carriers.CarrierLaw:
+    field_of = {_key(name)[0]: name for name in carriers.UNITS}
+    law = carriers.law_with([field_of.get(key, "") for key in item])
+    keys = {one.name: _key(one.name) for one in dataclasses.fields(law)}
     needed = [keys[one.name][0] for one in dataclasses.fields(law) if one.default is MISSING]
-    given = read_table(item, {"lifetime": "s", **{key: unit for key, unit, _ in keys.values()}}, where, required=needed)
-    return law(**{name: given[key] * one for name, (key, _, one) in keys.items() if key in given})
+    units = {key: unit for key, unit, _ in keys.values()}
+    given = read_table(item, units, f"[carriers] of {law.__name__}", required=needed)
+    made: carriers.CarrierLaw = law(**{name: given[key] * one for name, (key, _, one) in keys.items() if key in given})
+    return made

@@ -12,7 +12,7 @@ from thermofem.models import Foster, ThermalModel, bare
 from thermofem.models.foster import second_order_parameters, second_order_poles
 
 from . import parameters
-from .carriers import ShockleyReadHall
+from .carriers import UNITS
 from .heaters import channels
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
@@ -21,7 +21,6 @@ SECOND_ORDER = ("kappa", "tau_f", "tau_s", "eta")
 POLES = ("R", "tau")
 HEAT_CAPACITY = "heat_capacity"
 LAWS = {*SECOND_ORDER, *POLES, "tau_th", HEAT_CAPACITY}
-LIFETIMES = ("tau_n", "tau_p")
 LIFETIME, LOADED, INTRINSIC = "lifetime", "loaded_q", "intrinsic_q"
 # free numbers that are computed from fields, and the fields that they set
 COMPUTED = {
@@ -248,7 +247,7 @@ def _with_fields(ring: RingResonator, values: Mapping[str, float]) -> RingResona
         carriers = replace(carriers, **inner)
     if "tau0" in values and "tau0" not in inner:
         factor = values["tau0"] / carriers.tau0
-        lifetimes = LIFETIMES if isinstance(carriers, ShockleyReadHall) else ("tau",)
+        lifetimes = [each.name for each in fields(carriers) if UNITS[each.name] == "s"]
         scaled: dict[str, Any] = {name: factor * getattr(carriers, name) for name in lifetimes}
         carriers = replace(carriers, **scaled)
     return replace(ring, **own, carriers=carriers)

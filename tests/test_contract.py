@@ -167,7 +167,7 @@ def test_a_stiff_system_in_mixed_coordinates_is_still_one_of_heat_flow():
 
 
 def test_what_is_kept_shares_no_memory_with_what_was_given():
-    """Sampled, PiecewiseCubic, Cauer and StateSpace kept the array itself, and changed with it."""
+    """No waveform or model keeps the array itself, and changes with it."""
     two, eye = np.array([1.0, 2.0]), np.eye(2)
     for kind, *given in (
         (th.Sampled, two, two),

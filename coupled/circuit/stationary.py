@@ -161,14 +161,14 @@ def _state_at(system: System, D: Array) -> Array:
     into = drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
     between = system.light.between * eq.NS
     rates = eq.Mode(*system.rings.modes[:, 0].T)
-    tau0, a, b = system.rings.carriers.T
+    law = eq.Carriers(*system.rings.carriers.T)
     U = np.zeros(n)
     N = np.zeros(n)
     for _ in range(SWEEPS):
         alone = np.diag(field_loss(U, N, rates) - 1j * D)
         field = np.linalg.solve(alone - between, 1j * into)
         U = 0.5 * U + 0.5 * np.abs(field) ** 2
-        steady, _ = steady_carriers(rates.generation * U**2, tau0, a, b)
+        steady, _ = steady_carriers(rates.generation * U**2, law)
         N = 0.5 * N + 0.5 * steady
     heating = absorbed_power(U, N, rates)[:, None]
     x = system.heat.gain / system.heat.rate * eq.UW * heating

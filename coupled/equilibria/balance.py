@@ -183,7 +183,7 @@ def absorbable(ring: RingResonator, power: float) -> float:
 def carriers(U: ArrayLike, rates: Rates) -> tuple[Array, Array]:
     """Return the steady density N at the energy U, and dN/dU."""
     U = np.asarray(U)
-    N, per_made = steady_carriers(rates.g * U * U, rates.tau0, rates.a, rates.b)
+    N, per_made = steady_carriers(rates.g * U * U, rates)
     return N, per_made * (2 * rates.g * U)
 
 

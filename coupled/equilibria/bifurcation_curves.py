@@ -165,7 +165,7 @@ def _secular(U: Array, ring: InternalRing) -> Secular:
     at = balance(U, ring)
     made = 4 * rates.g * U * U
     P_by_U, P_by_N = absorbed_slopes(U, at.N, rates)
-    _, rho = recombination(at.N, rates.tau0, rates.a, rates.b)
+    _, rho = recombination(at.N, rates)
     _, S_slope = dispersion(at.N, ring.fcd)
     return Secular(
         gamma=at.gamma,

@@ -126,17 +126,18 @@ def _filtered(source: Array, step: float, gain: complex, rate: complex, start: c
 
 
 def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
-    """Solution N of dN/dt = s - N/tau(N), tau = tau0 (1 + a N)/(1 + b N), by Newton's method for all samples at once.
+    """Solution N of dN/dt = s - f(N), f the recombination, by Newton's method for all samples at once.
 
-    With f = N/tau(N), a pass solves dN/dt = s - f(N_old) - f'(N_old) (N - N_old).
+    A pass solves dN/dt = s - f(N_old) - f'(N_old) (N - N_old).
     """
-    tau0 = rates.tau0
-    start = 0.0 if cold else max(float(source.mean()) * tau0, 0.0)
-    N = np.maximum(_filtered(source, step, 1.0, 1.0 / tau0, start), 0.0)
+    _, slowest = recombination(0.0, rates)
+    start = 0.0 if cold else max(float(source.mean() / slowest), 0.0)
+    N = np.maximum(_filtered(source, step, 1.0, float(slowest), start), 0.0)
     band = np.ones((2, N.size))
-    passes = PASSES if rates.a != rates.b else 0
-    for _ in range(passes):
-        lost, slope = recombination(N, tau0, rates.a, rates.b)
+    for _ in range(PASSES):
+        lost, slope = recombination(N, rates)
+        if np.ptp(slope) == 0:  # linear: solved
+            break
         s = source + slope * N - lost
         k = (slope[1:] + slope[:-1]) / 2
         gone = -np.expm1(-k * step)

@@ -6,9 +6,11 @@
     lost(N)     = N/tau(N) = N (1 + b N)/(tau0 (1 + a N))
     S(N)        = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2)  rad/ns, dispersion by free carriers
 
-Every argument is a number or an array; ``rates`` has the fields of `units.Rates` or `units.Mode`.
+Every argument is a number or an array; ``rates`` has the fields of `units.Rates` or `units.Mode`, and ``law`` those of
+`units.Rates` or `units.Carriers`. Each law is written once: `slope` differentiates it.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,17 @@ import numpy as np
 from thermofem.arrays import Array, ArrayLike
 
 EPSILON = 1e-8  # 1e23/m^3, eps of S(N): 1e15 carriers per m^3, six orders below the densities that matter
+STEP = 1e-30  # along the imaginary axis: its square is lost beside any density or energy
+PASSES = 60  # of Newton's method for steady carriers, most
+BALANCED = 1e-12  # of the generation: what is lost more or less
+
+
+def slope(function: Callable[[Any], Any], x: ArrayLike) -> Array:
+    """d function/dx = Im function(x + i h)/h, exact to round-off as nothing is subtracted; for analytic functions.
+
+    Source: Squire and Trapp, SIAM Rev. 40, 110 (1998).
+    """
+    return np.asarray(np.imag(function(np.asarray(x) + 1j * STEP)) / STEP)
 
 
 def field_loss(U: Any, N: Any, rates: Any) -> Any:
@@ -31,31 +44,41 @@ def absorbed_power(U: Any, N: Any, rates: Any, felt: Any = None) -> Any:
 
 def absorbed_slopes(U: Any, N: Any, rates: Any) -> tuple[Any, Any]:
     """Derivatives of P_abs of a single field by U (1/ns) and by N (uW per 1e23/m^3)."""
-    by_U = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U)
-    by_N = 2 * rates.fca * U
+    by_U = slope(lambda energy: absorbed_power(energy, N, rates), U)
+    by_N = slope(lambda density: absorbed_power(U, density, rates), N)
     return by_U, by_N
 
 
-def recombination(N: Any, tau0: Any, a: Any, b: Any) -> tuple[Any, Any]:
+def lost(N: Any, law: Any) -> Any:
+    """Recombination in 1e23/m^3 per ns; ``law`` has tau0 (ns), a and b (m^3/1e23)."""
+    return N * (1 + law.b * N) / (law.tau0 * (1 + law.a * N))
+
+
+def recombination(N: Any, law: Any) -> tuple[Any, Any]:
     """lost(N) in 1e23/m^3 per ns, and d lost/dN in 1/ns."""
-    growth = 1 + a * N
-    lost = N * (1 + b * N) / (tau0 * growth)
-    slope = (1 + b * N * (2 + a * N)) / (tau0 * growth**2)
-    return lost, slope
+    return lost(N, law), slope(lambda density: lost(density, law), N)
 
 
-def steady_carriers(made: ArrayLike, tau0: Any, a: Any, b: Any) -> tuple[Array, Array]:
+def steady_carriers(made: ArrayLike, law: Any) -> tuple[Array, Array]:
     """The density N with lost(N) = made, and dN/d(made) in ns.
 
-    N is the positive root of b N^2 + (1 - a k) N - k = 0 with k = tau0 made.
+    N is the positive root of b N^2 + (1 - a k) N - k = 0 with k = tau0 made; Newton's method goes on from there where
+    `lost` has other terms.
     """
-    k = tau0 * np.asarray(made)
-    p = 1 - a * k
+    made = np.asarray(made)
+    b = np.asarray(law.b)
+    k = law.tau0 * made
+    p = 1 - law.a * k
     root = np.sqrt(p * p + 4 * b * k)
     far = root + np.abs(p)  # neither form of the root subtracts
-    large = np.divide(far, 2 * b, out=np.zeros(np.broadcast(far, b).shape), where=np.asarray(b) > 0)
+    large = np.divide(far, 2 * b, out=np.zeros(np.broadcast(far, b).shape), where=b > 0)
     N = np.where(p > 0, 2 * k / far, large)
-    return N, tau0 * (1 + a * N) / root
+    for _ in range(PASSES):
+        rate, by_N = recombination(N, law)
+        if np.all(np.abs(rate - made) <= BALANCED * made):
+            break
+        N = np.maximum(N - (rate - made) / by_N, N / 10)
+    return N, 1 / by_N
 
 
 def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:

@@ -54,6 +54,14 @@ class Mode(NamedTuple):
     kerr: Any
 
 
+class Carriers(NamedTuple):
+    """Recombination in the kernel's units: last axis of `Rings.carriers`, ``Carriers`` of equations.hpp."""
+
+    tau0: Any
+    a: Any
+    b: Any
+
+
 @lru_cache(maxsize=1000)
 def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
     """Return a ring in the kernel's units, and its free-carrier dispersion, shape (terms, 2): c_k in rad/ns, p_k."""
@@ -140,7 +148,8 @@ def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_res
         turn = one.index_rate / own.index_rate
         modes.append(Mode(r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, turn, r.kerr))
     floor = floor_of(first, pump, thermal_resistance)
-    return Rings(np.array([modes]), np.array([[first.tau0, first.a, first.b]]), fcd[None], floor[None])
+    law = Carriers(first.tau0, first.a, first.b)
+    return Rings(np.array([modes]), np.array([law]), fcd[None], floor[None])
 
 
 def internal_heat(model: ThermalModel) -> tuple[PoleHeat | QuadraticHeat, float]:

@@ -15,7 +15,7 @@ from thermofem import Foster, InputError, OutputMap
 from thermofem.arrays import Array
 from thermofem.ring_temperature import GuidedMode
 
-from ..carriers import ConstantLifetime, ShockleyReadHall
+from ..carriers import law_with
 from ..equilibria.steady_states import steady_states
 from ..heaters import turned_by
 from ..resonator import RingResonator
@@ -78,7 +78,7 @@ def _at_end(run: xr.Dataset, name: str) -> float:
 def ring_in(text: str) -> RingResonator:
     """Return the ring from the JSON text that `resonator.origin` wrote."""
     fields = json.loads(text)
-    kind = ShockleyReadHall if "tau_n" in fields["carriers"] else ConstantLifetime
+    law = law_with(fields["carriers"])
     pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
     mode = GuidedMode(*fields["mode"]) if fields["mode"] else None
-    return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"]), "mode": mode})
+    return RingResonator(**fields | pairs | {"carriers": law(**fields["carriers"]), "mode": mode})

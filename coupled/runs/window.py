@@ -239,7 +239,7 @@ def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     pump = float(drive.entry[0, 0].real) * np.sqrt(power)
     U = ar**2 + ai**2
     U_slope = 2 * (pump * ai - field_loss(U, N, rates) * U)
-    lost, _ = recombination(N, rates.tau0, rates.a, rates.b)
+    lost, _ = recombination(N, rates)
     N_slope = rates.g * U**2 - lost
     by_U, by_N = absorbed_slopes(U, N, rates)
     slope = by_U * U_slope + by_N * N_slope

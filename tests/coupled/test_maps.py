@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import Executor, Future
 from importlib import import_module
-from importlib.util import find_spec
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -113,7 +112,6 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
     assert "100%" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(find_spec("distributed") is None, reason='needs Dask: pip install "thermofem[dask]"')
 @pytest.mark.filterwarnings("ignore")  # what Dask's own sockets warn of is not ours
 def test_a_dask_cluster_is_an_executor(small):
     from distributed import LocalCluster

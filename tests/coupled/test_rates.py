@@ -36,7 +36,7 @@ def states(ring, count=20):
 def test_carriers_are_made_and_lost_as_the_kernel_says(ring):
     rates, _ = internal_rates(ring)
     for (re, im, N, _), slopes, J in states(ring):
-        lost, by_N = closed.recombination(N, rates.tau0, rates.a, rates.b)
+        lost, by_N = closed.recombination(N, rates)
         made = rates.g * (re**2 + im**2) ** 2
         # round-off of sums of about ten terms
         assert slopes[2] == pytest.approx(made - lost, rel=1e-12, abs=1e-14)
@@ -74,9 +74,8 @@ def test_heat_and_its_slopes_are_those_of_the_kernel(ring):
 
 def test_steady_carriers_balance_and_their_slope_is_the_inverse_of_that_of_recombination(ring):
     rates, _ = internal_rates(ring)
-    lifetime = (rates.tau0, rates.a, rates.b)
     made = np.geomspace(1e-9, 1.0, 40) if rates.b else np.geomspace(1e-9, 1e-2, 40)
-    N, slope = closed.steady_carriers(made, *lifetime)
-    lost, by_N = closed.recombination(N, *lifetime)
+    N, slope = closed.steady_carriers(made, rates)
+    lost, by_N = closed.recombination(N, rates)
     np.testing.assert_allclose(lost, made, rtol=1e-11)  # N without cancellation: a few round-offs
     np.testing.assert_allclose(slope * by_N, 1, rtol=1e-9)

@@ -307,7 +307,7 @@ def test_slips_of_unit_in_a_ring(change, words):
         ("refractive_index = 3.485\n", "", "refractive_index missing"),
         ('name = "rib ring 3"', 'base = "borghi2020"', "did you mean 'borghi2021'"),
         ('"10 ns"', '"10 nm"', "wrong dimension"),
-        ('"10 ns"', '"10 ns"\ntau_n = "3 ns"', "constant lifetime: key"),
+        ('"10 ns"', '"10 ns"\ntau_n = "3 ns"', "of ConstantLifetime: key"),
         ("exponent = 0.8", "", "exponent is missing"),
         ("-1.07e-27", "1.07e-27", "index change"),
         ("[carriers]", "[carriers", "TOML"),

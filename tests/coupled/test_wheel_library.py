@@ -51,7 +51,6 @@ class _Hook(NamedTuple):
 @pytest.mark.parametrize(("target", "count"), [("x86_64-linux-gnu.2.17", 2), ("aarch64-linux-gnu.2.17", 1)])
 def test_the_hook_compiles_two_for_x86_64(target, count, monkeypatch, tmp_path):
     """The second one with -mcpu=x86_64_v3; the compiler itself is left out."""
-    pytest.importorskip("hatchling")
     root = Path(__file__).parents[2]
     built = []
 

@@ -218,7 +218,6 @@ print("RESULT", json.dumps([problems, about.fmiVersion, about.description, units
     ids=["one part", "output map", "two parts"],
 )
 def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, heated, fmi):
-    pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
     surrogate.export_model(model, tmp_path / "ring.fmu", to="fmu", provenance=PROVENANCE, fmi=fmi)
     edges = np.arange(17) * 5e-7
     power = POWER * (np.arange(17) % 3 == 0)
@@ -252,7 +251,6 @@ print("RESULT", json.dumps(rises))
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_two_units_of_one_name_in_one_host_are_two_models(tmp_path, fmi):
     """Words of C are names like any other, and so are long ones."""
-    pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
     paths = [tmp_path / "a" / "class.fmu", tmp_path / "b" / "class.fmu", tmp_path / f"{'n' * 240}.fmu"]
     for path, R in zip(paths, (1e3, 5e3, 7e3), strict=True):
         path.parent.mkdir(exist_ok=True)
@@ -288,7 +286,6 @@ def test_a_mat_file_holds_what_is_not_linear(tmp_path):
 
 
 def test_pymor_reads_the_mat_file(tmp_path):
-    pytest.importorskip("pymor", reason="pyMOR, which reads the matrices, is not installed")
     code = "from pymor.models.iosys import LTIModel; m = LTIModel.from_mat_file('m.mat'); f = m.transfer_function"
     code += "; print(abs(f.eval_tf(2j * 3.141592653589793 * 1e6)[0, 0]))"
     surrogate.export_model(ONE, tmp_path / "m.mat", to="mat")

@@ -64,7 +64,7 @@ def test_the_light_of_a_member_is_that_of_its_geometry(family, width):
 
 
 def test_the_period_of_a_made_ring_is_that_of_its_geometry(family, caplog):
-    """The mean over the core gave 3.8 us for 0.26 us at 350 nm."""
+    """The mean over the core would give 3.8 us for 0.26 us at 350 nm."""
     section = geometry(350e-9)
     ring = coupled.ring_from(section, coupling=0.05).ring
     heat = surrogate.reduce(th.assemble(section).system, tolerance=1e-4)

@@ -44,7 +44,8 @@ def test_commands_take_a_layout(folder):
 
 def gds(folder, *, labels=True):
     """A file with a ring, a bus beside it, and a strip on another layer, drawn by gdstk itself."""
-    gdstk = pytest.importorskip("gdstk")
+    import gdstk
+
     cell = gdstk.Cell("TOP")
     cell.add(gdstk.ellipse((20, 3), 5.225, inner_radius=4.775, layer=1, tolerance=1e-4))
     cell.add(gdstk.rectangle((10, 8.425), (30, 8.875), layer=1))
@@ -104,7 +105,6 @@ def test_bad_layout_files_are_refused_in_one_line(tmp_path, old, new, message):
 
 
 def test_bad_gds_files_are_refused_in_one_line(folder, tmp_path):
-    pytest.importorskip("gdstk")
     (tmp_path / "bad.gds").write_bytes(b"no GDS at all")
     for path, layers, message in (
         (tmp_path / "bad.gds", {"core": (1, 0)}, "no GDS file"),

@@ -63,7 +63,7 @@ def cold(tmp_path_factory):
 
 
 def test_a_model_beyond_the_tables_says_so_wherever_it_goes(cold, tmp_path, caplog):
-    """R_th at 77 K was that of 200 K in model files and in all runs on them, without a word."""
+    """At 77 K the laws of k(T) are those at 200 K, the end of their tables: model files and runs on them say so."""
     heat = th.assemble(th.CrossSection.from_toml(cold / "cold.toml"), 1e-2)
     surrogate.save_model(surrogate.reduce(heat.system, 1e-2), tmp_path / "model.json")
     assert WORDS in th.models.load_provenance(tmp_path / "model.json")["warning"]

@@ -83,7 +83,8 @@ def test_lifted_states_give_the_field_whose_mean_is_the_model():
 
 
 def test_hankel_singular_values_are_those_of_pymor():
-    iosys = pytest.importorskip("pymor.models.iosys", reason="pyMOR, the other program, is not installed")
+    from pymor.models import iosys
+
     system = slicot()
     theirs = np.asarray(iosys.LTIModel.from_matrices(system.A.toarray(), system.B, system.C).hsv())
     small = surrogate.balanced_truncation(system, 5, tolerance=1e-7)

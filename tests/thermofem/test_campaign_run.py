@@ -9,7 +9,6 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -143,7 +142,6 @@ def test_a_wrong_probe_stops_before_the_first_geometry(probes, tmp_path, threads
     assert not marks(tmp_path / "out")
 
 
-@pytest.mark.skipif(find_spec("distributed") is None, reason='needs Dask: pip install "thermofem[dask]"')
 @pytest.mark.filterwarnings("ignore")  # what Dask's own processes and sockets warn of is not ours
 def test_dask_cluster(tmp_path):
     from distributed import LocalCluster

@@ -7,7 +7,7 @@
 
 import { bisect, eigenvalues } from "./eigen.mjs";
 import { slopes } from "./kernel.mjs";
-import { absorbedPower, dispersion } from "./ring.mjs";
+import { absorbedPower, dispersion, recombination, steadyCarriers } from "./ring.mjs";
 
 const SPACING = 0.02;
 
@@ -27,11 +27,8 @@ function newton(f, a, b, start) {
 
 /** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
 export function balance(U, sys) {
-  const k = sys.tau0 * sys.g * U * U;
-  const p = 1 - sys.a * k;
-  const root = Math.sqrt(p * p + 4 * sys.b * k);
-  const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
-  const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
+  const [N, perMade] = steadyCarriers(sys.g * U * U, sys);
+  const NSlope = 2 * sys.g * U * perMade;
   const gamma = sys.loss + sys.fca * N + sys.tpa * U;
   const z = sys.R * absorbedPower(U, N, sys);
   const lift = 1 + 2 * sys.curvature * z;
@@ -120,8 +117,7 @@ function spectrumAt(U, D, sys) {
 export function secular(U, sys) {
   const at = balance(U, sys);
   const N = at.N;
-  const saturation = 1 + sys.a * N;
-  const rho = (1 + sys.b * N * (2 + sys.a * N)) / (sys.tau0 * saturation * saturation);
+  const [, rho] = recombination(N, sys);
   const made = 4 * sys.g * U * U;
   return {
     gamma: at.gamma,

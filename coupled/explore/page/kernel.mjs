@@ -60,7 +60,7 @@ function problemOf(system, drive, detuning, stop, method) {
   const constant = (name, value) => [1, 4, zero, edges, store(name, [value, 0, 0, 0])];
   const ones = s.gain.map(() => 1);
   const arrays = {
-    modes: [s.loss, s.absorbed, s.fca, s.tpa, s.g, s.shift, 1, s.kerr], carriers: [s.tau0, s.a, s.b], dispersion: s.fcd,
+    modes: [s.loss, s.absorbed, s.fca, s.tpa, s.g, s.shift, 1, s.kerr], carriers: s.law, dispersion: s.fcd,
     bend: [s.curvature], own: [0, 0], floor: floorOf(s, drive), read: ones, weight: ones, gain: s.gain, rate: s.rate,
   }; // prettier-ignore
   const at = buffer("problem", 34);

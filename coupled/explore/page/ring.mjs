@@ -24,6 +24,7 @@ export function systemOf(ring, model) {
   const { thermal_shift: shift, fca, tpa, g, tau0, a, b, kerr, fcd } = ring.internal; // each by name: the result of a spread is slow to read
   return {
     fca, tpa, g, tau0, a, b, shift, kerr,
+    law: [tau0, a, b], // of the kernel's `Carriers`
     loss: linearRate(ring) * NS,
     absorbed: ring.loss_rate * NS,
     bus: ring.bus_rate * NS,
@@ -68,6 +69,31 @@ export function dispersion(N, fcd) {
     slope += factor * (1 + ((p - 1) * N * N) / square);
   }
   return [shift, slope];
+}
+
+// Numbers [x, dx/dN] with their slopes, as dual.hpp has them
+const product = (x, y) => [x[0] * y[0], x[0] * y[1] + x[1] * y[0]];
+const quotient = (x, y) => [x[0] / y[0], (x[1] * y[0] - x[0] * y[1]) / (y[0] * y[0])];
+const affine = (constant, factor, x) => [constant + factor * x[0], factor * x[1]];
+
+/** Recombination in 1e23/m^3 per ns, and its slope in 1/ns. */
+export function recombination(N, { tau0, a, b }) {
+  const n = [N, 1];
+  return quotient(product(n, affine(1, b, n)), affine(tau0, tau0 * a, n));
+}
+
+/** The density N at which recombination balances generation, and dN/d(made): coupled/kernel/rates.py. */
+export function steadyCarriers(made, system) {
+  const k = system.tau0 * made;
+  const p = 1 - system.a * k;
+  const root = Math.sqrt(p * p + 4 * system.b * k);
+  let N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * system.b);
+  let [lost, slope] = recombination(N, system);
+  for (let pass = 0; Math.abs(lost - made) > 1e-12 * made && pass < 60; pass++) {
+    N = Math.max(N - (lost - made) / slope, N / 10);
+    [lost, slope] = recombination(N, system);
+  }
+  return [N, 1 / slope];
 }
 
 export const absorbedPower = (U, N, system) => 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;

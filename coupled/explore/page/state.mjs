@@ -122,7 +122,7 @@ export function changesOf(state, data) {
     if (power && state.volume !== null) rates[name] = value / ratio("volume") ** power;
     if (name === "thermal_shift" && base.thermo_optic && state.thermoOptic !== null) rates[name] = value * ratio("thermoOptic");
   }
-  if (state.lifetime !== null) for (const name of ["tau", "tau_n", "tau_p"]) if (name in base.carriers) carriers[name] = base.carriers[name] * ratio("lifetime");
+  if (state.lifetime !== null) for (const name of Object.keys(base.carriers)) if (name.startsWith("tau")) carriers[name] = base.carriers[name] * ratio("lifetime");
   return { fields, carriers, rates };
 }
 
