@@ -15,7 +15,7 @@ PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm';
 def export(
     context: typer.Context,
     model: options.Model,
-    to: Annotated[str | None, typer.Option(help="spice, verilog-a, fmu, mat or csv.")] = None,
+    to: Annotated[str | None, typer.Option(help="Format, such as spice or fmu; a wrong one gets the list.")] = None,
     ring: Annotated[str | None, typer.Option(help=f"{options.RING}: write its light and carriers, too.")] = None,
     circuit: Annotated[Path | None, typer.Option(help="Circuit file (TOML) in place of --ring, for spice.")] = None,
     power: Annotated[str | None, typer.Option(help="Also write a run from cold with this power in the bus.")] = None,

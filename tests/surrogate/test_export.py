@@ -16,6 +16,8 @@ from commands import thermofem
 
 import surrogate
 import thermofem as th
+from surrogate.export import FORMATS
+from thermofem.export.formats import Format
 
 POWER = 2e-3
 PULSE, SQUARE = th.Pulse(POWER, 20e-6), th.SquareWave(POWER, 1e-6, 0.3)
@@ -335,6 +337,21 @@ def test_the_command_names_the_file_after_the_model(tmp_path):
     wrong = thermofem("export", "ring.json", "--to", "spcie", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "did you mean 'spice'" in wrong.stderr
+
+
+def test_an_exporter_is_one_entry_of_the_formats(tmp_path, monkeypatch):
+    """Python, the command, its checks and the default name take the format from there."""
+
+    def write(model, target):
+        target.path.write_text("\n".join([*target.header, *map(repr, model.tau.tolist())]))
+        return target.path
+
+    monkeypatch.setitem(FORMATS, "times", Format(".tau", write))
+    surrogate.save_model(ONE, tmp_path / "ring.json", provenance=PROVENANCE)
+    path = surrogate.export_model(ONE, tmp_path / "own.tau")
+    assert [float(line) for line in path.read_text().splitlines()[-4:]] == ONE.tau.tolist()
+    done = thermofem("export", "ring.json", "--to", "times", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "wrote ring.tau\n"), done.stderr
 
 
 def test_every_resistor_of_the_verilog_a_module_has_its_thermal_noise(tmp_path):
