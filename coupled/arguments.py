@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.piecewise import bounds
 
@@ -34,7 +34,7 @@ def check_detuning(detuning: Any, name: str = "detuning") -> float:
     """Return a detuning in Hz as a float, or raise InputError if it is out of range; ``name`` is for the message."""
     nu = checks.finite(name, detuning, unit="Hz")
     if 1 <= abs(nu) <= 1e3:
-        raise checks.InputError(f"{name} = {nu:g} Hz is below any linewidth; {name} is in Hz (did you mean {nu:g}e9?)")
+        raise InputError(f"{name} = {nu:g} Hz is below any linewidth; {name} is in Hz (did you mean {nu:g}e9?)")
     return checks.between(name, nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
 
 
@@ -44,9 +44,7 @@ def check_axis(name: str, values: ArrayLike) -> Array:
     for k in range(axis.size):
         (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
         if k and axis[k] <= axis[k - 1]:
-            raise checks.InputError(
-                f"{name}[{k}] = {axis[k]:g} is not above {name}[{k - 1}] = {axis[k - 1]:g}; sort it"
-            )
+            raise InputError(f"{name}[{k}] = {axis[k]:g} is not above {name}[{k - 1}] = {axis[k - 1]:g}; sort it")
     return axis
 
 
@@ -94,7 +92,7 @@ def datasets(name: str, given: Any) -> tuple[xr.Dataset, ...]:
     """Return one Dataset or several as a tuple; InputError, with ``name``, for an empty list or another type."""
     found = checks.instances(name, [given] if isinstance(given, xr.Dataset) else given, xr.Dataset)
     if not found:
-        raise checks.InputError(f"{name} is empty; give one Dataset, or a list of them")
+        raise InputError(f"{name} is empty; give one Dataset, or a list of them")
     return found
 
 

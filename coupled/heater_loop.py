@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from thermofem import Function, checks
+from thermofem import Function, InputError, checks
 from thermofem.arrays import Array
 from thermofem.piecewise import interpolated
 
@@ -81,7 +81,7 @@ class HeaterLoop:
                 others = {name: power for name, power in self.given.items() if name != AMBIENT}
                 return others | {name: self._long_on(name, power) for name, power in watts.items()}
         names = ", ".join(one.name for one in self.fed_back)
-        raise checks.InputError(f"heaters {names}: their temperature does not settle", "give a smaller drive")
+        raise InputError(f"heaters {names}: their temperature does not settle", "give a smaller drive")
 
     def _warmed(self, watts: dict[str, Pieces], light: Mapping[str, Pieces]) -> dict[str, Pieces]:
         """The powers of all heaters at the temperatures that given powers cause."""
@@ -173,7 +173,7 @@ def _of_ring(
     past = np.asarray(starting_point(initial, lit.order, attributes(small)).thermal)
     if past[lit.gain == 0].any():
         rule = "initial holds heat of the heaters of a layout, whose temperatures it does not say"
-        raise checks.InputError(rule, "start cold, or take a circuit of this ring: coupled.bus(ring)")
+        raise InputError(rule, "start cold, or take a circuit of this ring: coupled.bus(ring)")
     part = lit.inputs[0]
     begin[part] = np.divide(past, lit.gain, out=np.zeros(lit.order), where=lit.gain != 0)
     return Feedback(poles, (part,), np.concatenate([*begin.values()]), {})

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.interpolate import PPoly
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.piecewise import Pieces as Pieces, bounds as bounds
 from thermofem.waveforms import Samples, Waveform
@@ -66,7 +66,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
         # coefficients of a BPoly are those of Bernstein polynomials
         if not isinstance(value, PPoly) or np.ndim(value.c) != 2 or len(value.c) > DEGREE + 1:
             hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
-            raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
+            raise InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
         c = checks.numbers(f"{name}: coefficients", value.c)
         missing = np.zeros((DEGREE + 1 - len(c), c.shape[1]))
         coefficients = np.vstack([c[::-1], missing]).T
@@ -101,9 +101,7 @@ def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
     edges = function.edges
     slack = 1e-9 * (stop - start)
     if start < edges[0] - slack or stop > edges[-1] + slack:
-        raise checks.InputError(
-            f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s"
-        )
+        raise InputError(f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s")
     inside = edges[(edges > start + 1e-6 * slack) & (edges < stop - 1e-6 * slack)]
     return function.on(np.concatenate([[start], inside, [stop]]))
 
@@ -139,9 +137,9 @@ class Lights(NamedTuple):
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
         sizes = np.sqrt([np.maximum(power(times), 0) for power in self.powers])
         if not self.drive.phase.coefficients.any():
-            return np.asarray(sizes + 0j)
+            return sizes + 0j
         phases = values(self.drive.phase, times)
-        return np.asarray(sizes * np.exp(1j * phases))
+        return sizes * np.exp(1j * phases)
 
     def incoming(self, times: Array) -> Complex:
         """Sum of the amplitudes of the lasers of each frame, sqrt(W), at n times in s; shape (frames, n)."""

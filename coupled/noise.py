@@ -169,7 +169,7 @@ def thermorefractive(
     unit = Boltzmann * temperature**2
 
     def fast(f: Array) -> Array:
-        return np.asarray((4 * unit * R / (1 + (2 * np.pi * f[:, None] * tau) ** 2))[:, ~slow].sum(axis=1))
+        return (4 * unit * R / (1 + (2 * np.pi * f[:, None] * tau) ** 2))[:, ~slow].sum(axis=1)
 
     length = 1 / (OVERSAMPLED * bandwidth) if bandwidth else np.inf
     slow = tau > RESOLVED * length
@@ -189,7 +189,7 @@ def _ornstein_uhlenbeck(rng: np.random.Generator, times: Array, lifetime: float)
     kept = np.exp(-(times[1] - times[0]) / lifetime)
     kicks = rng.normal(size=times.size) * np.sqrt(1 - kept**2)
     kicks[0] = rng.normal()
-    return np.asarray(lfilter([1.0], [1.0, -kept], kicks))
+    return lfilter([1.0], [1.0, -kept], kicks)
 
 
 def _white(density: float, bandwidth: float, duration: float, seed: int, source: int) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.constants import c, hbar
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import dataset, files
 from thermofem.ring_temperature import CORE, READS, GuidedMode
 
@@ -263,7 +263,7 @@ class RingResonator:
         if perimeter is not None and mode_area is not None:
             fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
             if fixed:
-                raise checks.InputError(
+                raise InputError(
                     f"base has {' and '.join(fixed)} set by with_rates, which would not follow perimeter x mode_area; "
                     "start from replace(base, rates=()) and set them anew"
                 )
@@ -305,7 +305,7 @@ def _check_dispersion(terms: Any) -> None:
     """Raise InputError unless every free-carrier term (c_k, p_k) has c_k <= 0 and is small at 1e23 carriers per m^3."""
     if not isinstance(terms, tuple | list) or not terms or any(np.shape(term) != (2,) for term in terms):
         said = f"fcd = {checks.shown(terms)} is empty, or no sequence of (coefficient, exponent)"
-        raise checks.InputError(said, "for no free-carrier dispersion give ((0.0, 1.0),)")
+        raise InputError(said, "for no free-carrier dispersion give ((0.0, 1.0),)")
     for coefficient, exponent in terms:
         checks.between("fcd exponent", exponent, 0.3, 3)
         moved = checks.finite("fcd coefficient", coefficient) * 1e23**exponent

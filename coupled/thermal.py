@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.constants import c
 
-from thermofem import CrossSection, Foster, OutputMap, Quadratic, checks
+from thermofem import CrossSection, Foster, InputError, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.fem.heat_problem import beyond_laws
@@ -55,7 +55,7 @@ def compact(model: ThermalModel) -> Compact:
     check_order(poles.order, LARGEST)
     own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
     if (own and not poles.passive) or poles.thermal_resistance <= 0:
-        raise checks.InputError(
+        raise InputError(
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
@@ -271,7 +271,7 @@ def _contradiction(ring: RingResonator, text: str) -> str:
     material, (low, high) = section.material_of(core), SILICON
     own = None if material.index is None else material.index.index(c / ring.frequency)
     if own is not None and not low < own < high and low < ring.refractive_index < high and ring.tpa_coefficient:
-        raise checks.InputError(
+        raise InputError(
             f"ring {ring.name!r} has the numbers of silicon, and {core!r} of {section.name!r} is {material.name}",
             "`thermofem ring`, coupled.ring_from in Python, makes the ring of a geometry",
         )

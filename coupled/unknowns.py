@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel, bare
 from thermofem.models.foster import second_order_parameters, second_order_poles
@@ -92,7 +92,7 @@ def unknowns(
     family = model if isinstance(model, ThermalFamily) else None
     ranges = family.ranges if family else {}
     for name in ranges.keys() - {*free}:
-        raise checks.InputError(f"{name} of the family must be free or held: family.held({name}=...) as the model")
+        raise InputError(f"{name} of the family must be free or held: family.held({name}=...) as the model")
     optical = fitted_names(ring)
     for name in free:
         checks.choice("a name in free", name, optical | (ranges.keys() if family else LAWS))
@@ -109,9 +109,7 @@ def unknowns(
         elif name in optical:
             start[name] = number_of(ring, name)
         else:
-            raise checks.InputError(
-                f"free holds {name!r}, which is of another thermal law than the model or the others"
-            )
+            raise InputError(f"free holds {name!r}, which is of another thermal law than the model or the others")
     hint = "a free parameter must start above 0"
     values = np.array([checks.positive(name, value, hint=hint) for name, value in start.items()])
     given = checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}')
@@ -138,7 +136,7 @@ def span_of(
     if not (0 < low < high and least <= low and high <= most):
         rule = f" inside the family's {least:g} to {most:g}" if within else ""
         pair = checks.shown(bounds.get(name, default))
-        raise checks.InputError(f"bounds[{name!r}] = {pair} must be (low, high) with 0 < low < high{rule}")
+        raise InputError(f"bounds[{name!r}] = {pair} must be (low, high) with 0 < low < high{rule}")
     return float(low), float(high)
 
 
@@ -154,7 +152,7 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
         return asdict(parameters.NEWTON_FIT), None
     if model is None:
         hint = checks.Hint("give the thermal model as model=", text="give the thermal model with --model")
-        raise checks.InputError(f"free = {list(free)} has no thermal parameter", hint)
+        raise InputError(f"free = {list(free)} has no thermal parameter", hint)
     if not newton and not {*free} & {*POLES}:
         return {}, compact(model)
     poles = linear(model, f"free {list(free)}")
@@ -188,7 +186,7 @@ def check_apart(free: Sequence[str]) -> None:
     for name, sources in COMPUTED.items():
         shared = [source for source in sources if source in free]
         if name in free and shared:
-            raise checks.InputError(
+            raise InputError(
                 f"free holds {name!r} and {shared[0]!r}, and the one sets the other", "free one of the two"
             )
 
@@ -218,7 +216,7 @@ def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
 def _with_intrinsic_q(ring: RingResonator, quality: float) -> RingResonator:
     """The ring whose absorption and scattering are scaled to an intrinsic Q."""
     if not np.isfinite(ring.intrinsic_q):
-        raise checks.InputError("intrinsic_q of a ring without loss cannot be set: its loss_rate is 0")
+        raise InputError("intrinsic_q of a ring without loss cannot be set: its loss_rate is 0")
     factor = ring.intrinsic_q / quality
     return replace(ring, loss_rate=factor * ring.loss_rate, scattering_rate=factor * ring.scattering_rate)
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.data import files
 from thermofem.data.files import NUMBER, TABLES, TEXT, read_table
 
@@ -199,7 +199,7 @@ class Circuit:
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
         for what, some in (("ring", self.rings), ("laser", self.lasers)):
             if not some:
-                raise checks.InputError(f"the circuit has no {what}", "lasers=[coupled.LaserPort('in', 'ring 1.in')]")
+                raise InputError(f"the circuit has no {what}", "lasers=[coupled.LaserPort('in', 'ring 1.in')]")
         checks.text("name", self.name)
         if self.frequency is None:
             object.__setattr__(self, "frequency", self.resonators[0].frequency)
@@ -318,7 +318,7 @@ def _ring(values: dict[str, Any], folder: Path) -> RingResonator:
     """The ring that a [[ring]] table names, a published set or a ring file, with its resonance shifted."""
     where = f"ring {values['name']!r}"
     if ("base" in values) == ("file" in values):
-        raise checks.InputError(f"{where}: give base (one of {', '.join(PUBLISHED)}) or file")
+        raise InputError(f"{where}: give base (one of {', '.join(PUBLISHED)}) or file")
     if "base" in values:
         ring = PUBLISHED[checks.choice(f"{where}: base", values["base"], PUBLISHED)]()
     else:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import StateSpace, checks
+from thermofem import InputError, StateSpace, checks
 from thermofem.arrays import Array, Complex, NDArray
 from thermofem.geometry.section_parts import AMBIENT, LIGHT
 from thermofem.models.contract import bare
@@ -104,7 +104,7 @@ def light_of(circuit: Circuit) -> Light:
         ED[entry[source.stop], k] = source.transmission
     around = np.eye(size) - C @ S
     if np.linalg.norm(around, -2) < PILED:
-        raise checks.InputError(
+        raise InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"
         )
@@ -209,7 +209,7 @@ class RingHeat:
     def thermal_resistance(self) -> Array:
         """R_th of each ring under its own absorbed power, shape (N,), K/W."""
         own = np.einsum("iik->ik", self.read)
-        return np.asarray((own * self.gain / self.rate).sum(axis=1))
+        return (own * self.gain / self.rate).sum(axis=1)
 
 
 def ring_heat(thermal: Any, rings: Sequence[RingResonator], names: Sequence[str]) -> RingHeat:
@@ -259,7 +259,7 @@ def _of_array(system: StateSpace, resonators: Sequence[RingResonator], names: Se
     model = system.of_rings(names)
     sensors = [name for name in system.outputs if name not in model.outputs]
     if len(model.outputs) != rings or len(model.inputs) < rings:
-        raise checks.InputError(
+        raise InputError(
             f"thermal has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {rings} rings; one "
             "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks, dataset
+from thermofem import InputError, checks, dataset
 from thermofem.arrays import Array, Complex
 
 from ..arguments import check_axis
@@ -85,13 +85,13 @@ def autonomous(
         checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
     rest = at_rest(thermal, checks.mapping("heaters", heaters))
     if any(w.delay > 0 for w in circuit.waveguides):
-        raise checks.InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
+        raise InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     names = [laser.name for laser in circuit.lasers]
     for name in powers:
         checks.choice("a name in power", name, names)
     lit = [laser for laser in circuit.lasers if powers.get(laser.name, 0.0) > 0] or list(circuit.lasers)
     if len({laser.offset for laser in lit}) > 1:
-        raise checks.InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
+        raise InputError("lasers of different frequency beat: there is no fixed point; light one of them only")
     lit_powers = {laser.name: powers.get(laser.name, 0.0) for laser in lit}
     alone = replace(circuit, lasers=lit)
     return system_of(alone, rest.model, power=lit_powers, heaters=rest.sources, detuning=detuning, duration=1.0)
@@ -218,7 +218,7 @@ def low_power_transmission(
     for name in lit:
         checks.choice("power", name, names)
     if len(lit) > 1 or max(lit.values()) > WEAK:
-        raise checks.InputError(
+        raise InputError(
             f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
             "low power; steady_states finds fixed points at more"
         )
@@ -263,7 +263,7 @@ def _response(circuit: Circuit, light: Light, detuning: float, k: int, warmed: A
     around = np.eye(late.stop) - light.seen_delay[late]
     if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
         what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
-        raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+        raise InputError(what, "give one of them a loss, or leave that detuning out")
     back = light.from_delay @ np.linalg.inv(around)
     frequency = float(circuit.frequency or 0) + detuning
     turn = 2 * np.pi * np.array([frequency - ring.frequency for ring in circuit.resonators])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
@@ -91,18 +91,18 @@ def continue_cycle(
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = checks.array("values", values)
     if ends.shape != (2,) or ends[0] == ends[1]:
-        raise checks.InputError(f"values = {values!r} must be two different numbers, the ends of the range")
+        raise InputError(f"values = {values!r} must be two different numbers, the ends of the range")
     p = CycleProblem(ring, warm.model, P, nu, warm.rise)
     family = Family(p, (parameter,), np.array([ends.max() - ends.min()]))
     here = value_of(p, parameter)
     if not ends.min() <= here <= ends.max():
-        raise checks.InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
+        raise InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
     if is_hopf_point(guess):
         start, along = born(family, guess)
     else:
         first = first_place(family, cycle_near(p, guess).trace)
         if first is None:
-            raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
+            raise InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         start = first
         along = np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
     cycles, why = branch.follow(family, start, along, ends, points)
@@ -119,11 +119,11 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
     P = of_guess[0] if power is None else power
     nu = of_guess[1] if detuning is None else detuning
     if P is None:
-        raise checks.InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
+        raise InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
     P = check_power(P)
     nu = check_detuning(nu)
     if is_hopf_point(guess) and (P, nu) != of_guess:
-        raise checks.InputError("power and detuning are those of the Hopf point given as guess; leave them out")
+        raise InputError("power and detuning are those of the Hopf point given as guess; leave them out")
     return float(P), float(nu)
 
 

@@ -160,7 +160,7 @@ def resting(row: Array, points: Array) -> Array | None:
     here = np.array([re**2 + im**2, N, dT])
     for point in points:
         if np.all(np.abs(here - point) <= REST * np.abs(point)):
-            return np.asarray(point)
+            return point
     return None
 
 

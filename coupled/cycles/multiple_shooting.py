@@ -129,7 +129,7 @@ class Place(NamedTuple):
         """Orthonormal basis of the tangent space, scaled and of the shape of W; first the projection of ``along``."""
         basis = np.linalg.qr(self.directions.T)[0]
         first = along @ basis / np.linalg.norm(along @ basis)
-        return np.asarray(np.vstack([first, null_space(first[None]).T]) @ basis.T)
+        return np.vstack([first, null_space(first[None]).T]) @ basis.T
 
     def change(self, rows: Array) -> Nodes:
         """Changes of the orbit along vectors of the tangent space, ``rows``, scaled by ``unit``."""
@@ -244,7 +244,7 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
 def _along(problem: Problem, y: Array, size: Array) -> Array:
     """Unit vector of dy/dt at the state ``y``, scaled by the sizes of the states, shape (n,)."""
     rate = problem.slopes(y)[0] / size
-    return np.asarray(rate / np.linalg.norm(rate))
+    return rate / np.linalg.norm(rate)
 
 
 def linearised(family: Family, nodes: Nodes, rtol: float) -> Linear | None:

@@ -72,7 +72,7 @@ class Orbit:
         """Floquet multipliers, the eigenvalues of V, by decreasing modulus; shape (n,)."""
         multipliers = np.linalg.eigvals(self.V).astype(complex)
         order = np.argsort(-np.abs(multipliers))
-        return np.asarray(multipliers[order])
+        return multipliers[order]
 
     @property
     def others(self) -> NDArray[np.complex128]:
@@ -124,8 +124,8 @@ class Flow:
         """The section's quantity q along the rows of a trajectory, shape (rows,)."""
         a = 1 + self.ring * (self.rough.block + 1)
         if self.quantity == CARRIERS:
-            return np.asarray(rows[:, a + 2])
-        return np.asarray(rows[:, a] ** 2 + rows[:, a + 1] ** 2)
+            return rows[:, a + 2]
+        return rows[:, a] ** 2 + rows[:, a + 1] ** 2
 
     def run(
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
@@ -195,7 +195,7 @@ class Flow:
         """Project derivatives of the end state, shape (n, k), along dy/dt onto the section's tangent plane."""
         rate = self.rough.slopes(end)[0]
         w = self.normal(end)
-        return np.asarray(columns - np.outer(rate, w @ columns) / (w @ rate))
+        return columns - np.outer(rate, w @ columns) / (w @ rate)
 
     def rests(self, trace: Trace) -> bool:
         """Whether a trajectory is a fixed point rather than an orbit."""

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from thermofem import checks
+from thermofem import InputError
 from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.models import ThermalModel
 
@@ -86,7 +86,7 @@ class Heat(NamedTuple):
             poles = zip(gains, rates, strict=True)
             response = sum(gain / (lam + rate) for gain, rate in poles)
             read_out = 1 + 2 * self.curvature * self.total * P
-            return np.asarray(response * read_out)
+            return response * read_out
         heat = self.of
         powers, which = np.unique(P, return_inverse=True)
         which = which.reshape(np.shape(P))
@@ -127,7 +127,7 @@ def _series(model: Any, largest: float) -> Array:
         # the last terms are below 1e-12 of f, the error of the steady states themselves
         if np.abs(f[-3:]).max() < 1e-12 * np.abs(f).max():
             return f
-    raise checks.InputError(
+    raise InputError(
         f"model is quadratic and near the end of its steady states at {largest:g} W of heat; lower the power"
     )
 
@@ -223,7 +223,7 @@ def peak(pump: ArrayLike, ring: InternalRing) -> Array:
     low = high - above
     below, _ = equation(low)
     log_U = newton(equation, np.array([low, high]), np.array([below, above]))
-    return np.asarray(np.exp(log_U))
+    return np.exp(log_U)
 
 
 def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing) -> tuple[Array, Array, Array, Array]:

@@ -195,7 +195,7 @@ def _lines(plane: Plane) -> list[Array]:
         size = A.imag**2 + B.imag**2 * scale + tiny
         mixed = A.imag * B.imag * B.real
         value = A.imag**2 - mixed + A.real * B.imag**2
-        return np.asarray(value / size)
+        return value / size
 
     root, k = zeros(resultant, log_w, log_U.size)
     A, B = _terms(plane, log_U[k], root)

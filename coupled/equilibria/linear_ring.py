@@ -278,12 +278,12 @@ def _picked(states: xr.Dataset, over: str, branch: int) -> xr.Dataset:
 def _jacobian(problem: Problem, y: Array) -> Array:
     """df/dx in SI (1/s between SI states) at the state y in the kernel's units."""
     unit = eq.units(problem.order, problem.rings)
-    return np.asarray(problem.slopes(y)[1] * unit[:, None] / (unit * eq.NS))
+    return problem.slopes(y)[1] * unit[:, None] / (unit * eq.NS)
 
 
 def _fields(y: Array, rings: int) -> Complex:
     """Fields of the rings in sqrt(J) from the state y in the kernel's units."""
-    return np.asarray((y[0 : 3 * rings : 3] + 1j * y[1 : 3 * rings : 3]) * eq.FJ**0.5)
+    return (y[0 : 3 * rings : 3] + 1j * y[1 : 3 * rings : 3]) * eq.FJ**0.5
 
 
 def _rows(turned: Complex) -> Array:

@@ -110,10 +110,10 @@ def first_lyapunov(
         second += (ahead - 2 * A + behind) / h[:, None, None] ** 2
 
     def times(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(np.einsum("mij,mj->mi", M, v))
+        return np.einsum("mij,mj->mi", M, v)
 
     def solve(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(np.linalg.solve(M, v[..., None])[..., 0])
+        return np.linalg.solve(M, v[..., None])[..., 0]
 
     mean = solve(A.astype(complex), times(first, q.conj()))
     twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
@@ -268,13 +268,13 @@ def resting(
 
 def drop_power(ring: RingResonator, U: Array) -> Array:
     """Power (W) at the drop port of fixed points of energy U (fJ): 2 gamma_d U."""
-    return np.asarray(2 * ring.drop_bus_rate * NS * U * UW)
+    return 2 * ring.drop_bus_rate * NS * U * UW
 
 
 def through_power(ring: RingResonator, D: Array, gamma: Array, powers: Array) -> Array:
     """Power (W) at the through port of fixed points: P |1 - 2 gamma_e/(gamma - i D)|^2, D and gamma in 1/ns, P in W."""
     amplitude = 1 - 2 * ring.bus_rate * NS / (gamma - 1j * D)
-    return np.asarray(powers * np.abs(amplitude) ** 2)
+    return powers * np.abs(amplitude) ** 2
 
 
 def described(

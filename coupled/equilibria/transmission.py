@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 import xarray as xr
 
-from thermofem import Foster, checks
+from thermofem import Foster, InputError, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
@@ -92,7 +92,7 @@ def transmission(
     P, nu = _checked(power, detuning)
     swept = P if P.size > 1 else nu
     if P.size + nu.size != 3 or swept[0] >= swept[1]:
-        raise checks.InputError(
+        raise InputError(
             f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
             "the other one number"
         )
@@ -236,7 +236,7 @@ def sweep(
     check_ring(ring)
     P, nu = _checked(power, detuning)
     if (P.size > 1) == (nu.size > 1):
-        raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
+        raise InputError("one of power and detuning must be an array of steps, the other one number")
     small, doubts = driving(ring, model)
     at = internal_ring(ring, small, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
@@ -277,7 +277,7 @@ def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tup
     grid = np.linspace(low, high, CURVE_POINTS)
 
     def share(s: Array) -> Array:
-        return np.asarray((curve(s)[row] - ends[0])[None] / np.ptp(ends))
+        return (curve(s)[row] - ends[0])[None] / np.ptp(ends)
 
     parts = intervals_in_window(share, grid)
     lengths = np.diff(parts, axis=1)[:, 0]

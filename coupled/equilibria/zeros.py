@@ -163,4 +163,4 @@ def distances(points: Array, line: Array) -> Array:
     lengths = np.maximum((side**2).sum(axis=1), 1e-30)
     share = np.clip((off * side).sum(axis=2) / lengths, 0, 1)
     from_line = np.linalg.norm(off - share[..., None] * side, axis=2)
-    return np.asarray(from_line.min(axis=1, initial=np.inf))
+    return from_line.min(axis=1, initial=np.inf)

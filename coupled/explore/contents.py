@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.models import Quadratic, ThermalModel, bare, has_ports, newton, second_order
 from thermofem.ring_temperature import CORE
 
@@ -70,13 +70,13 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
     """
     small, transfers = channels_of(model, parts)
     if isinstance(small, Quadratic):
-        raise checks.InputError(
+        raise InputError(
             f"model {name!r} is quadratic; the page runs Foster networks, small linear models and OutputMap over one: "
             "give a linear reduction (surrogate.reduce) or surrogate.output_map"
         )
     linear = small.linear
     if linear.order > LARGEST:
-        raise checks.InputError(
+        raise InputError(
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
             "reduce it first (surrogate.reduce)"
         )
@@ -94,7 +94,7 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
 def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
     """Return the given thermal models, 1 to 6, as JSON data of the page, each with its name."""
     if not 1 <= len(models) <= SERIES:
-        raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
+        raise InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
     for word, given, ports in (("heated", parts.heated, "inputs"), ("read", parts.read, "outputs")):
         known = {str(one) for model in models.values() for one in getattr(bare(model), ports, ("core",))}
         if given is not None:
@@ -113,7 +113,7 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
             resistances[name] = max(resistances.get(name, 0.0), abs(sum(R)))
     if len(resistances) > HEATERS:
         rule = f"at most {HEATERS} fit in the page; reduce fewer inputs"
-        raise checks.InputError(f"the models have the heaters {', '.join(resistances)}; {rule}")
+        raise InputError(f"the models have the heaters {', '.join(resistances)}; {rule}")
     low, high = ring["window"]["detuning"]
     twice = 2 * (high - low) * 1e9 * 2 * math.pi  # rad/s
     sliders = []
@@ -178,7 +178,7 @@ def curves_of(ring: RingResonator, model: Compact, window: Window) -> list[list[
         if not any(np.any(c["leading"] & (c["lyapunov"] > 0)) for c in hopf_curves(ring, model, *axes)):
             return []
         found = cycle_fold_curves(ring, model, *axes)
-    except checks.InputError:  # a window that the steady states of this ring do not reach
+    except InputError:  # a window that the steady states of this ring do not reach
         return []
     out = []
     for curve in found:  # at most 80 points, with the digits that a figure needs

@@ -82,4 +82,4 @@ def _shares(model: Any) -> Array:
     A = np.vstack([-np.expm1(-TIMES[:, None] / TAU), 100 * np.ones(TAU.size)])
     b = np.append(model.step_response(TIMES), 100 * total) / total
     shares, _ = nnls(A, b)
-    return np.asarray(shares * total / shares.sum())
+    return shares * total / shares.sum()

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from thermofem import StateSpace, checks
+from thermofem import InputError, StateSpace
 from thermofem.export.poles import RCNetwork, rc_network
 from thermofem.ring_temperature import detuning_output
 
@@ -40,4 +40,4 @@ def lit_part(model: Any, wanted: str) -> LitPart:
     read = detuning_output(wanted, heated, tuple(model.outputs))
     if read in model.outputs:
         return LitPart(heated, read)
-    raise checks.InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")
+    raise InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")

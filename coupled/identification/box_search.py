@@ -124,7 +124,7 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
 def _slope(above: Array, middle: Array, below: Array, h: float, *, jumps: bool) -> Array:
     """Central difference of step h, or across a jump the one-sided one of smaller modulus, 0 where the signs differ."""
     if not jumps:
-        return np.asarray((above - below) / (2 * h))
+        return (above - below) / (2 * h)
     up = (above - middle) / h
     down = (middle - below) / h
     smaller = np.sign(up) * np.minimum(np.abs(up), np.abs(down))

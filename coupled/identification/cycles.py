@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array, Complex
 from thermofem.data.variables import in_si
 
@@ -118,7 +118,7 @@ def period_of(name: str, t: Array, drop: Array) -> float:
     if swings is None:
         return period
     if max(swings) > LEVEL:
-        raise checks.InputError(
+        raise InputError(
             f"{name} has not settled in its second half, which is compared: its swing goes from {swings[0]:.1%} to "
             f"{swings[1]:.1%} of the mean drop power",
             "take a longer trace",
@@ -148,7 +148,7 @@ def _check_rest(name: str, drop: Array) -> None:
     noise = np.std(np.diff(drop)) / np.sqrt(2 * len(parts[0]))  # of such a mean, where it is white
     movement = np.ptp(means) / abs(drop.mean())
     if movement > MOVES and np.std(means) > 5 * noise:
-        raise checks.InputError(
+        raise InputError(
             f"{name} neither rests nor repeats in its second half, which is compared: its drop power moves by "
             f"{movement:.0%} of the mean",
             "take a trace of eight pulses or more, or one that has come to rest",
@@ -188,7 +188,7 @@ def _autocorrelation(x: Array, fine: int) -> Array:
     lags = fine * (n // 2)
     products = np.arange(n * fine, n * fine - lags, -1)
     correlation = np.fft.irfft(power, 2 * n * fine)[:lags] / products
-    return np.asarray(correlation / correlation[0])
+    return correlation / correlation[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,12 +290,12 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
 def _target(name: str, trace: xr.Dataset) -> Target:
     for variable in ("time", "drop"):
         if variable not in trace.variables:
-            raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
+            raise InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
     light = trace.attrs
     if light.get("lasers", 1) != 1:
-        raise checks.InputError(f"{name} is of a ring with a second laser; one laser alone can be fitted")
+        raise InputError(f"{name} is of a ring with a second laser; one laser alone can be fitted")
     if "heater_power" in trace:
-        raise checks.InputError(f"{name} is of a ring with heaters; one laser alone can be fitted")
+        raise InputError(f"{name} is of a ring with heaters; one laser alone can be fitted")
     times = in_si(name, trace[["time"]])["time"]
     t = checks.array(f"{name}.time", times.values, increasing=True)
     drop = checks.array(f"{name}.drop", trace["drop"].values)

@@ -125,4 +125,4 @@ def spread_over_traces(what: Unknowns, targets: list[Target], stage: Stage, x: A
         end = least_squares(of, x, what.low, what.high, steps=stage.steps, traces=count - 1, prior=prior)
         ends.append(end.x)
     off = np.array(ends) - np.mean(ends, axis=0)
-    return np.asarray(np.sqrt((count - 1) / count * np.sum(off**2, axis=0)))
+    return np.sqrt((count - 1) / count * np.sum(off**2, axis=0))

@@ -122,7 +122,7 @@ def _filtered(source: Array, step: float, gain: complex, rate: complex, start: c
     right = gain / rate * (1.0 + np.expm1(-z) / z)
     left = -gain / rate * np.expm1(-z) - right
     begin = start - right * source[0]
-    return np.asarray(lfilter([right, left], [1.0, -keep], source, zi=[begin])[0])
+    return lfilter([right, left], [1.0, -keep], source, zi=[begin])[0]
 
 
 def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
@@ -202,7 +202,7 @@ def _residuals(what: Unknowns, traces: list[Forced], every: int, row: Callable[[
 def _logarithms(predicted: Array, trace: Forced) -> Array:
     offset = 3 * trace.noise
     drop = np.maximum(trace.drop[::COARSE], 0)
-    return np.asarray(np.log((predicted + offset) / (drop + offset)))
+    return np.log((predicted + offset) / (drop + offset))
 
 
 def _differences(predicted: Array, trace: Forced) -> Array:

@@ -34,7 +34,7 @@ class Cycle:
         k = np.arange(self.harmonics.size)
         waves = np.exp(2j * np.pi * np.outer(phase, k))
         harmonics = self.harmonics * np.sinc(k / k.size) if smooth else self.harmonics
-        return np.asarray((waves @ harmonics).real)
+        return (waves @ harmonics).real
 
     @cached_property
     def swing(self) -> float:

@@ -55,7 +55,7 @@ def central_difference(function: Callable[[float], Array], value: float, step: f
     """Derivative of a function of one number by a central difference of a step."""
     above = function(value + step)
     below = function(value - step)
-    return np.asarray((above - below) / (2 * step))
+    return (above - below) / (2 * step)
 
 
 def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> list[str]:

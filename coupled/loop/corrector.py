@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.algebra.krylov import krylov
 from thermofem.algebra.pole_responses import cubic_pole_responses
 from thermofem.arrays import Array, ArrayLike
@@ -109,7 +109,7 @@ class FEM:
         check_unlit(self.heaters, self.heated)
         kept = checks.array("field_times", field_times, increasing=True, empty=True)
         if kept.size and self.problem is None:
-            raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
+            raise InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
         inputs = (self.heated, *self.heaters)
         system = heat.model(inputs, self.read) if isinstance(heat, HeatProblem) else _channels(heat, inputs, self.read)
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
@@ -267,13 +267,11 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
     """
     if not isinstance(corrector, FEM):
         if initial is not None:
-            raise checks.InputError(
-                "initial goes with a HeatProblem or matrices; another corrector keeps its own state"
-            )
+            raise InputError("initial goes with a HeatProblem or matrices; another corrector keeps its own state")
         return Beginning(State.cold(model.order), 0.0)
     if initial is None:
         if corrector.state.time > 0:
-            raise checks.InputError(
+            raise InputError(
                 "heat is a coupled.FEM that made a run before and is still hot; give initial= that run, or a new one"
             )
         return Beginning(State.cold(model.order), 0.0)
@@ -287,7 +285,7 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         own = corrector.problem.mesh if corrector.problem is not None else None
         known = initial.attrs.get("mesh_hash")
         if field.shape != (corrector.linear.order,) or (own is not None and known not in (None, mesh_hash(own))):
-            raise checks.InputError("initial was made on another mesh; go on with the same")
+            raise InputError("initial was made on another mesh; go on with the same")
         corrector.begin(field)
     at = State(complex(light[0], light[1]), max(float(light[2]), 0.0), _predicted(corrector, model, states))
     return Beginning(at, corrector.rise)
@@ -301,9 +299,9 @@ def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
     """
     if model is corrector.predictor:
         if model.bent:
-            return np.asarray(corrector.state.z)
+            return corrector.state.z
         fields = (corrector.linear.C[0] @ corrector.basis.vectors) * corrector.state.z
-        return np.asarray(fields[np.argsort(1 / corrector.basis.rate)])
+        return fields[np.argsort(1 / corrector.basis.rate)]
     if states is not None and states.size == model.order:
         return states
     return np.zeros(model.order)
@@ -321,7 +319,7 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     wave = PiecewiseCubic.of_spline(CubicSpline(time, power, bc_type="periodic"))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
     if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
-        raise checks.InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
+        raise InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
     E = fem.linear.E
     z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
     field = basis.vectors @ z
@@ -335,4 +333,4 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
         # the temperature may still change by 0.3 of the largest discrepancy in a period
         if np.abs(C @ change).max() <= 0.3 * fem.max_discrepancy:
             break
-    return np.asarray(field)
+    return field

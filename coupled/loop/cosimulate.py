@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, StateSpace, checks
+from thermofem import Foster, InputError, OutputMap, StateSpace, checks
 from thermofem.algebra.krylov import krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
@@ -128,9 +128,9 @@ def cosimulate(
             heat, read=read, heaters=known, max_discrepancy=max_discrepancy, field_times=kept
         )  # fmt: skip
     elif heaters or np.size(field_times):
-        raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
+        raise InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
-        raise checks.InputError(
+        raise InputError(
             f"heat is a {type(heat).__name__}; give th.assemble(geometry), or an object with advance() and accept() "
             "(coupled.loop.corrector.Corrector)"
         )
@@ -184,7 +184,7 @@ def _electric(
         return loop, loop.powers()
     if not isinstance(heat, HeatProblem) or heat.nonlinear or initial is not None:
         rule = "heaters with a tcr need a HeatProblem with constant k and c_p, from cold"
-        raise checks.InputError(rule, "give tcr = 0, or their power in W")
+        raise InputError(rule, "give tcr = 0, or their power in W")
     parts = (heat.heated[0], *heaters)
     system = heat.channels(parts, tuple(dict.fromkeys((read, *heaters))))
     small = krylov(system).reduced(system)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array
 from thermofem.waveforms import PiecewiseCubic, Waveform
 
@@ -109,7 +109,7 @@ class Relaxation:
             self.abandoned += 1
             # a window below 1 ps is given up
             if (stop - start) / 2 < 1e-12:
-                raise checks.InputError(
+                raise InputError(
                     f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
                     "does the corrector return the same result for the same power?"
                 )
@@ -197,7 +197,7 @@ class Relaxation:
         """Raise InputError if the corrector's first value is more than 10 max_discrepancy off its last accepted one."""
         if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
             return
-        raise checks.InputError(
+        raise InputError(
             f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted state has "
             f"{self.accepted:.6g} K",
             "it must return the rise over ambient, 0 K at first, and start from what accept() kept last",

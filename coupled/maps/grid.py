@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.dataset import describe
 
@@ -75,9 +75,7 @@ def grid_of(
         own[name] = checks.array(f"vary[{name!r}]", values, increasing=True)
     axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
     if len(axes) != 2:
-        raise checks.InputError(
-            f"the map has the axes {', '.join(axes)}; it needs two: give the others as one number each"
-        )
+        raise InputError(f"the map has the axes {', '.join(axes)}; it needs two: give the others as one number each")
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
     (first, one), (second, other) = axes.items()
     checks.integer("number of points of the map", one.size * other.size, 1, MOST_POINTS)
@@ -105,7 +103,7 @@ def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
             found: Sequence[Fixed | str] = survey(
                 pump, shift, internal_ring(ring, model, absorbable(ring, powers.max()))
             )
-        except checks.InputError as error:
+        except InputError as error:
             several = np.unique(powers)
             if several.size > 1:  # at the highest power, perhaps not at others
                 groups += [[k for k in cells if points[k][1] == power] for power in several]

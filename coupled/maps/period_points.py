@@ -6,7 +6,7 @@ Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 6.
 import numpy as np
 import xarray as xr
 
-from thermofem import checks
+from thermofem import InputError
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -58,7 +58,7 @@ def period_points(
     """
     window = hopf_plane(ring, reference) if plane is None else plane
     if window is None:
-        raise checks.InputError(f"ring {ring.name!r} has no Hopf curve with the reference", "it does not self-pulse")
+        raise InputError(f"ring {ring.name!r} has no Hopf curve with the reference", "it does not self-pulse")
     powers = np.geomspace(*window.powers, POWERS)
     detunings = np.linspace(*window.detunings, DETUNINGS)
     expected = pulsing_map(ring, reference, powers, detunings, duration=duration)

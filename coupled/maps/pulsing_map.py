@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array
 from thermofem.campaign.stored_tasks import WorkerDiedError, completed
 from thermofem.checks import Words
@@ -189,9 +189,9 @@ def _settled(settled: bool | None, ring: RingResonator, *, traces: bool) -> bool
     if settled is None:
         return not traces and ring.g_tpa > 0
     if checks.flag("settled", settled) and traces:
-        raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
+        raise InputError("settled=True goes with neither duration nor follow, which belong to traces")
     if settled and not ring.g_tpa > 0:
-        raise checks.InputError(
+        raise InputError(
             "ring has no two-photon absorption and so no free carriers, by which a map follows settled cycles; give a "
             "duration for a map of traces"
         )
@@ -223,7 +223,7 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
         b = other[axis].values if axis in other.dims else np.empty(0)
         tolerance = 1e-3 if axis == "detuning" else 0
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=tolerance):
-            raise checks.InputError(f"the maps have different points along {axis}; compute them on the same axes")
+            raise InputError(f"the maps have different points along {axis}; compute them on the same axes")
     for name, regimes in (("first", one), ("second", other)):
         for word in np.unique(regimes):
             checks.choice(f"a regime of {name}", str(word), REGIMES)
@@ -288,7 +288,7 @@ def _row(
             if rest is not None:
                 rise = float(np.max(rest.delta_T, initial=rise))
             cells.append(Cell(result.regime, result.period, result.duty, result.swing, result.reason, rise))
-        except (checks.InputError, RuntimeError) as error:
+        except (InputError, RuntimeError) as error:
             cells.append(Cell(FAILED, reason=str(error)))
             end = cold
         state = cold if follow is None else end
@@ -339,7 +339,7 @@ def stored_rows(
             stored = content_head if isinstance(content_head, dict) else {}
             expected = json.loads(head)
             other = sorted(k for k in {*stored, *expected} if stored.get(k) != expected.get(k))
-            raise checks.InputError(
+            raise InputError(
                 f"{path} holds no rows of this map (different: {', '.join(other)}); give another file name"
             )
         good = [head]
@@ -355,6 +355,6 @@ def stored_rows(
 
 def _parsed(line: str) -> Any:
     """Return the content of a JSON line, None where it is not valid JSON."""
-    with contextlib.suppress(checks.InputError):
+    with contextlib.suppress(InputError):
         return files.from_json(line)
     return None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import InputError, checks
 from thermofem.arrays import Array
 from thermofem.checks import Words
 from thermofem.data import quantity
@@ -128,7 +128,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     run = contents("run", run, ("time", "carriers", light, "delta_T"), what="a Dataset from coupled.simulate")
     if run.sizes.get("ring"):
         names = run["ring"].values
-        raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
+        raise InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
     t = _values(run, "time")
     N = _values(run, "carriers")
     drop = _values(run, light)
@@ -137,7 +137,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
         drop = _values(run, "energy")
     steps = checks.integer("run.attrs['steps']", run.attrs.get("steps", 0), 0, 1e18)
     if steps > THINNED * t.size:
-        raise checks.InputError(
+        raise InputError(
             f"run has {t.size} samples of {steps} steps; the sampling is too coarse to tell pulses from their beat: "
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
@@ -335,7 +335,7 @@ def crossings(t: Array, x: Array, level: float) -> Array:
         below = value < 0
         left = np.where(below, middle, left)
         right = np.where(below, right, middle)
-    return np.asarray(0.5 * (left + right))
+    return 0.5 * (left + right)
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:

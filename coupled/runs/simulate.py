@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from thermofem import checks, dataset
+from thermofem import InputError, checks, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
@@ -166,7 +166,7 @@ def simulate(
         alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
         for name, value in alone.items():
             if value is not None:
-                raise checks.InputError(f"{name} is for one ring; a circuit has its own lasers, ports and heaters")
+                raise InputError(f"{name} is for one ring; a circuit has its own lasers, ports and heaters")
         return run_circuit(
             ring, model, power=power, detuning=detuning, heaters=drives, duration=duration, rtol=rtol, times=wanted,
             average=average, method=chosen, initial=initial, progress=progress,
@@ -181,7 +181,7 @@ def simulate(
     described = attributes(small)
     heat = heating(poles, drives, duration, rtol, before=None)
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
-        raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
+        raise InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, described)
     if heat.powers:
         begin = _warmed(begin, poles, heat.begin, -1.0)

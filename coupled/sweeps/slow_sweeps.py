@@ -81,8 +81,8 @@ class Sweep(NamedTuple):
         relative = self.free_level or self.unit in ("1", "dB")
         T = watts / curve.power if relative else watts
         if not self.decibels:
-            return np.asarray(T)
-        return np.asarray(10 * np.log10(np.maximum(T, FAINTEST * T.max())))
+            return T
+        return 10 * np.log10(np.maximum(T, FAINTEST * T.max()))
 
     def baseline_terms(self, x: Array, output: Array) -> Array:
         """Terms of the baseline at points (x, output) of a curve, each times its assumed deviation; (terms, points)."""
