@@ -13,8 +13,7 @@ from .circuit import (
     scissor,
 )
 from .cycles import cycle_folds, derivatives  # noqa: F401 - as coupled.cycles.derivatives
-from .cycles.continue_cycle import continue_cycle
-from .cycles.limit_cycle import limit_cycle
+from .cycles.limit_cycle import continue_cycle, limit_cycle
 from .equilibria.bifurcation_curves import fold_curves, hopf_curves
 from .equilibria.linear_response import Linear
 from .equilibria.linear_ring import linearize

@@ -21,8 +21,7 @@ from thermofem.models import ThermalModel, bare, has_ports
 from thermofem.piecewise import hermite
 from thermofem.ring_temperature import CORE, detuning_output
 
-from .arguments import power_in_time
-from .inputs import Pieces, add, bounds, last_change, pieces
+from .inputs import Pieces, add, bounds, last_change, pieces, power_in_time
 from .resistive_heaters import LARGEST_POWER, Rest, at_rest, heater_power
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact

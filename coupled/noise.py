@@ -33,8 +33,7 @@ from thermofem.models.contract import bare
 from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import PiecewiseCubic
 
-from .arguments import check_ring
-from .inputs import bounds, pieces
+from .inputs import bounds, check_ring, pieces
 from .resonator import RingResonator
 
 WIDER = 5.0  # bandwidth over linewidth, where the line is 10 % narrower (measured)

@@ -168,7 +168,7 @@ def functions_of_modules() -> set[str]:
 
 def test_names_that_do_not_exist_are_seen():
     assert exists("th.solve")
-    assert exists("coupled.cycles.continue_cycle.continue_cycle")
+    assert exists("coupled.cycles.limit_cycle.continue_cycle")
     assert exists("th.Foster.tau")
     assert not exists("coupled.power_for_drop")
     assert not exists("th.Foster.taus")

@@ -79,7 +79,7 @@ def export(
 def _period(ring: Any, model: Any, power: float, detuning: float) -> float | None:
     """Return the settled period in s; None, with a message, where the ring does not pulse."""
     import coupled
-    from coupled.export.lit_part import lit_channel
+    from coupled.export.ring_ports import lit_channel
     from thermofem import InputError
 
     channel = lit_channel(model, ring.read)

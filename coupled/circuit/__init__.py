@@ -1,7 +1,6 @@
 """Circuits of several rings on one chip, coupled by light in waveguides and by heat."""
 
-from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide
-from .ring_chains import bus, crow, scissor
+from .circuit import Circuit, Detector, LaserPort, Splitter, Waveguide, bus, crow, scissor
 
 __all__ = [
     "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "crow", "scissor",

@@ -10,8 +10,8 @@ import xarray as xr
 from thermofem import InputError, checks, dataset
 from thermofem.arrays import Array, Complex
 
-from ..arguments import check_axis
 from ..heaters import heating
+from ..inputs import check_axis
 from ..kernel import units as eq
 from ..kernel.integrator import Problem
 from ..kernel.rates import absorbed_power, field_loss, steady_carriers
@@ -20,8 +20,7 @@ from ..resistive_heaters import at_rest
 from ..thermal import trusted
 from .circuit import Circuit
 from .network import Light, light_of, ring_heat
-from .run import as_dataset
-from .system import System, system_of
+from .system import System, as_dataset, system_of
 
 SAME_POINT = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30

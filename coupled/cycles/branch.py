@@ -25,10 +25,10 @@ from thermofem import InputError
 from thermofem.arrays import Array
 from thermofem.data.variables import contents
 
-from ..arguments import check_detuning, check_power
 from ..equilibria.balance import balance, fixed_points
 from ..equilibria.steady_states import states
 from ..heaters import turned_by
+from ..inputs import check_detuning, check_power
 from ..kernel.tableaus import Method
 from ..kernel.units import FJ, NS
 from . import multiple_shooting as shooting

@@ -21,10 +21,10 @@ from thermofem.arrays import Array, ArrayLike, runs_of
 from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
-from ..arguments import check_axis, check_ring
 from ..equilibria.bifurcation_curves import hopf_curves
 from ..equilibria.zeros import distances
 from ..heaters import constant
+from ..inputs import check_axis, check_ring
 from ..resonator import RingResonator
 from ..thermal import as_read, check_model, trusted, without_origin
 from .branch import born, described, follow, laser_of

@@ -1,18 +1,26 @@
-"""The dynamical system of a ring, its thermal model and a constant laser, and its parameters by name."""
+"""The dynamical system of a ring under a constant laser, and the stable cycle to which its transient converges.
 
+The transient is integrated in parts until three pulses occur or a stable fixed point is reached. Newton's method then
+looks for a periodic orbit of one pulse, and of as many pulses as bring the trajectory back near its start. An orbit
+with a multiplier below -1 has undergone period doubling, and twice as many pulses are tried. A stable orbit is accepted
+if the trajectory approaches it further, and, where a stable fixed point exists, if its amplitude is that of the pulses.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from itertools import chain, islice
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from thermofem import Foster, InputError, Quadratic, checks
 from thermofem.arrays import Array
 
-from ..arguments import check_power
 from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..equilibria.steady_states import survey
 from ..heaters import turned_by
+from ..inputs import check_power
 from ..kernel.integrator import CARRIERS, ENERGY, Problem
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning, internal_pump, single_ring
@@ -20,8 +28,264 @@ from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..thermal import Compact, compact
 from ..unknowns import FROM_ZERO, number_of, optical_names, varied
-from .cycle_search import settled
-from .return_map import Flow, Orbit
+from .return_map import FLAT, REACH, Flow, Orbit
+
+FIRST_PART, LONGEST_PART, LONGEST_SEEN = 4e3, 1e5, 1e6  # ns; the last without three pulses in it
+REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
+FALLING = 0.95  # of its amplitude, from one quarter of a part to the next: an oscillation that dies away
+FIRST_STEP = 100.0  # ns, of a part: longer ones rest on an unstable fixed point
+MOST_PULSES = 8
+BACK, REPEATS = 0.02, 1e-4  # of the largest heat, within which a trace is back, and repeats itself
+DIFFER = 20  # pulses after which those of a doubled cycle differ clearly
+AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
+PATIENT = 30  # turns at most by which a trace must have come nearer to its cycle
+SLOW = ", such as that of a model without its slowest pole"
+
+
+class RestError(InputError):
+    """The transient converges to a stable fixed point."""
+
+
+class UnsettledError(InputError):
+    """The transient converges neither to a fixed point nor to a periodic orbit."""
+
+
+class Part(NamedTuple):
+    """Measures of the section's quantity (carriers or energy) in the second half of a part of a transient."""
+
+    low: float  # in the second half
+    high: float
+    third: float  # range in the third quarter
+    fourth: float
+    rises: int  # through the middle, after the first quarter
+    longest: float  # ns between two of them
+    moved: float  # relative range in the whole part
+
+    def pulses(self, points: Callable[[], Array]) -> bool:
+        """Whether it pulses; a decreasing amplitude counts as pulsing only if there are no stable fixed points."""
+        moves = self.rises >= 3 and self.high - self.low > FLAT * self.high
+        return moves and (self.fourth >= FALLING * self.third or not len(points()))
+
+    @property
+    def rests(self) -> bool:
+        """Whether the relative range is below `REST` and not growing, as near a fixed point."""
+        return self.high - self.low <= REST * self.high and self.fourth <= self.third + FLAT * self.high
+
+    def following(self, duration: float, longest: float) -> float:
+        """Duration in ns of the next part, after one of ``duration`` ns: longer for slow changes without pulses."""
+        changes_slowly = self.rises < 3 and self.moved > REST
+        if not changes_slowly:
+            return min(2 * duration, LONGEST_PART)
+        return min(2 * duration, max(LONGEST_PART, min(LONGEST_SEEN, longest)))
+
+
+def measured(t: Array, q: Array, duration: float) -> Part:
+    """Measure a part of a transient: times t and section's quantity q, shape (rows,); its duration in ns."""
+    parts = [0, *np.searchsorted(t, [duration / 2, 0.75 * duration])]  # the first half and two quarters
+    lows = np.minimum.reduceat(q, parts).tolist()
+    highs = np.maximum.reduceat(q, parts).tolist()
+    low = min(lows[1:])
+    high = max(highs[1:])
+    above = q > 0.5 * (low + high)
+    ups = t[1 + np.flatnonzero(above[1:] & ~above[:-1])]
+    ups = ups[ups >= duration / 4]
+    third = highs[1] - lows[1]
+    fourth = highs[2] - lows[2]
+    gap = float(np.diff(ups).max(initial=0.0))
+    top = max(highs)
+    moved = (top - min(lows)) / max(top, 1e-300)
+    return Part(low, high, third, fourth, ups.size, gap, moved)
+
+
+class Shooting(Protocol):
+    """Interface of a system to `settled`; times in ns. Its orbits have start, T, pulses, size and leading."""
+
+    @property
+    def heat(self) -> int:
+        """Index of the first thermal state in y."""
+
+    def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
+        """Integrate; return the end state, the next step size, the rows, and the section's quantity along them."""
+
+    def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
+        """Return the state at the next rise through ``level`` (default q(y)); None within ``longest`` ns."""
+
+    def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Any:
+        """Return the periodic orbit of ``pulses`` pulses, about ``wait`` ns each, near ``y``; None if there is none."""
+
+    def confirmed(self, orbit: Any, wait: float) -> Any:
+        """Return the orbit at full accuracy; None if it does not converge there or is not attracting."""
+
+    def swing(self, orbit: Any) -> float:
+        """Return the range of the section's quantity along an orbit."""
+
+
+def settled(
+    system: Shooting, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring",
+    where: str = "", slow: bool = False, look: Callable[[], None] = lambda: None,
+) -> Any:  # fmt: skip
+    """Return the stable cycle to which the transient from the state ``y`` converges.
+
+    points: returns the stable fixed points, rows (U, N, dT); called only where they are needed.
+    longest [ns]: largest duration of the transient; ``slow`` says that this is short for the thermal time constants.
+    begin, where: name of the initial state, and power and detuning, for error messages.
+    look: called between the parts of the transient; it may raise.
+
+    Raises RestError at a stable fixed point, UnsettledError if no cycle is found within ``longest``.
+    """
+    passed = 0.0
+    reason = "no pulse"
+    wary = False
+    duration = FIRST_PART
+    step = 0.0
+    while passed < longest:
+        look()
+        y, step, rows, q = system.part(y, duration, min(step, FIRST_STEP))
+        passed = passed + duration
+        part = measured(rows[:, 0], q, duration)
+        fixed = resting(rows[-1], points()) if part.rests else None
+        if part.pulses(points):
+            orbit, reason, unstable = pulse_train(system, y, part, wary, passed >= longest)
+            wary = wary or unstable
+            if orbit is not None:
+                amplitude = part.high - part.low
+                change = abs(system.swing(orbit) - amplitude)
+                if change <= AGREE * amplitude or not len(points()):
+                    return orbit
+                reason = "the pulses still change"
+        if fixed is not None:
+            U, _, dT = fixed
+            raise RestError(
+                f"no limit cycle{where}: within {passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, "
+                f"{U:.4g} fJ and {dT:.4g} K; give guess= a cycle nearby where one may lie beside it"
+            )
+        duration = part.following(duration, longest)
+    hint = SLOW if slow else ""
+    raise UnsettledError(
+        f"no settled cycle{where}: {passed / 1e3:.4g} us from {begin} do not lead to one ({reason}); "
+        f"give guess= a cycle nearby{hint}"
+    )
+
+
+def resting(row: Array, points: Array) -> Array | None:
+    """The stable fixed point (U, N, dT) within a relative distance `REST` of a row (t, Re a, Im a, N, dT), or None."""
+    _, re, im, N, dT = row
+    here = np.array([re**2 + im**2, N, dT])
+    for point in points:
+        if np.all(np.abs(here - point) <= REST * np.abs(point)):
+            return point
+    return None
+
+
+def pulse_train(system: Shooting, y: Array, part: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
+    """The stable cycle near a pulsing trajectory, or None and the reason; and whether an unstable cycle was found.
+
+    wary: an unstable cycle is known, so only a trajectory that repeats itself is tried.
+    last: the transient ends here, so the orbit is also tried at full accuracy.
+    """
+    wait = part.longest
+    reason = "the pulses do not repeat"
+    unstable = wary
+    start = system.turn(y, 4 * wait, (part.low + part.high) / 2)
+    if start is None:
+        return None, "the pulses end", False
+    for pulses, precisely in _tries(system, start, wait, wary, last):
+        orbit, why = _stable(system, start, wait, pulses, precisely)
+        if orbit is not None:
+            shortest = once(system, orbit, wait)
+            if comes_nearer(system, start, shortest, wait):
+                confirmed = system.confirmed(shortest, wait)
+                if confirmed is not None:
+                    return confirmed, "", False
+        reason = why or reason
+        unstable = unstable or bool(why)
+    return None, reason, unstable
+
+
+def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
+    """Pairs (pulses, whether at full accuracy) to try: one pulse, then the fewest after which the state recurs."""
+    if not wary:
+        yield 1, False
+    off = _distances(system, y, wait, MOST_PULSES)
+    least = min(off.values(), default=np.inf)
+    back = next((pulses for pulses in off if off[pulses] <= min(2 * least, BACK)), 0)
+    if back > 1 or (back and wary):
+        yield back, False
+    if least <= REPEATS or (last and back):
+        yield back, True
+
+
+def _pulses(system: Shooting, y: Array, wait: float) -> Iterator[Array]:
+    """The state at each pulse that follows after the state ``y``."""
+    while (after := system.turn(y, REACH * wait)) is not None:
+        yield (y := after)
+
+
+def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
+    """Relative distance of the thermal state from its start after 1, 2, ... pulses: a dict from pulses to distance."""
+    off: dict[int, float] = {}
+    for pulses, state in enumerate(islice(_pulses(system, y, wait), most), start=1):
+        off[pulses] = distance(system, state, y)
+        if off[pulses] <= REPEATS:
+            break
+    return off
+
+
+def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
+    """The stable cycle of ``pulses`` pulses, or of 2, 4, ... times as many after doubling; or None and the reason."""
+    reason = ""
+    while pulses <= MOST_PULSES:
+        orbit = system.cycle(y, pulses, wait, precisely)
+        if orbit is None:
+            return None, reason
+        if orbit.size < 1:
+            return orbit, ""
+        if orbit.leading.real > -1 or orbit.leading.imag != 0:
+            return None, "the cycle there is unstable"
+        reason = f"a cycle of {pulses} has doubled, with a multiplier of {orbit.leading.real:.3g}"
+        later = [*islice(_pulses(system, y, wait), DIFFER)]
+        if len(later) < DIFFER:
+            return None, reason
+        y = later[-1]
+        pulses = 2 * pulses
+    return None, reason
+
+
+def once(system: Shooting, orbit: Any, wait: float) -> Any:
+    """The shorter stable cycle of which ``orbit`` is a repetition, so that its period is minimal; else ``orbit``."""
+    for pulses, off in _distances(system, orbit.start, wait, orbit.pulses // 2).items():
+        if orbit.pulses % pulses == 0 and off <= BACK:
+            shorter = system.cycle(orbit.start, pulses, wait, False)
+            if shorter is None:
+                continue
+            share = pulses / orbit.pulses
+            repeats = abs(shorter.T - share * orbit.T) <= 1e-3 * orbit.T
+            if repeats and shorter.size < 1:
+                return shorter
+    return orbit
+
+
+def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
+    """Whether the trajectory from ``y`` approaches the orbit, over as many periods as halve a small perturbation."""
+    halving = np.log(0.5) / np.log(max(orbit.size, 1e-3))
+    turns = int(np.clip(np.ceil(halving), 2, PATIENT))
+    states = chain([y], _pulses(system, y, wait))
+    off = (distance(system, state, orbit.start) for state in states)
+    first = min(islice(off, orbit.pulses))
+    if first < REPEATS:
+        return True
+    last = [*islice(off, (turns - 1) * orbit.pulses, turns * orbit.pulses)]
+    nearer = (1 + orbit.size**turns) / 2 * first
+    return len(last) == orbit.pulses and min(last) < max(nearer, REPEATS)
+
+
+def distance(system: Shooting, y: Array, other: Array) -> float:
+    """Largest modulus of the difference of two states' thermal parts, relative to the largest modulus in ``other``."""
+    heat = y[system.heat :]
+    reference = other[system.heat :]
+    scale = max(np.abs(reference).max(), 1e-300)
+    return float(np.abs(heat - reference).max() / scale)
+
 
 LONGEST_TRANSIENT = 2e6  # ns
 SLOWEST, MOST_TRANSIENT = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
@@ -93,7 +357,7 @@ class CycleProblem:
         return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
-        """The stable cycle to which the transient from the state ``y`` converges; errors as `cycle_search.settled`."""
+        """The stable cycle to which the transient from the state ``y`` converges; errors as of the function."""
         orbit: Orbit = settled(
             self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
             slow=self.longest >= MOST_TRANSIENT,

@@ -21,8 +21,8 @@ from thermofem.arrays import Array
 from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
 from ..heaters import constant
+from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL

@@ -145,7 +145,7 @@ class Flow:
         return self.rough.rings * self.rough.block
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """Integrate part of a transient; this and the next four methods are those of `cycle_search.Shooting`."""
+        """Integrate part of a transient; this and the next four methods are those of `cycle_problem.Shooting`."""
         run = self.run(y, duration, first_step=first_step)
         return run.y, run.step, run.rows, self.seen(run.rows)
 

@@ -28,8 +28,8 @@ from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import check_axis, check_ring
 from ..heaters import driving
+from ..inputs import check_axis, check_ring
 from ..kernel.rates import absorbed_slopes, dispersion, recombination
 from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator

@@ -14,10 +14,10 @@ from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
 from ..heaters import ConstantHeating, constant, with_ambient
+from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator

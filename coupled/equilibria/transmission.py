@@ -10,10 +10,10 @@ from thermofem import Foster, InputError, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
 from ..heaters import constant, driving, with_ambient
+from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.rates import absorbed_power
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator

@@ -17,12 +17,12 @@ from thermofem.fem import HeatProblem
 from thermofem.models import ThermalModel
 from thermofem.ring_temperature import check_read, detuning_output
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..inputs import check_detuning, check_power, check_ring
 from ..resistive_heaters import heater_power
 from ..resonator import RingResonator
 from ..thermal import check_geometry, geometry_of, mode_of
 from . import bundle, contents
-from .geometries import family_of
+from .contents import family_of
 from .section import section_of
 
 MOVED = ("loadedQ", "intrinsicQ", "absorbed", "lifetime", "volume", "thermoOptic", "resistance")  # None until they are

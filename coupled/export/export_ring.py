@@ -20,8 +20,7 @@ from ..runs.pulsing import Regime, pulsing
 from ..runs.simulate import simulate
 from ..thermal import as_read, without_origin
 from . import ring_fmu, ring_spice, ring_verilog_a
-from .lit_part import LitPart, lit_channel, lit_part
-from .ring_ports import Demonstration, demonstration
+from .ring_ports import Demonstration, LitPart, demonstration, lit_channel, lit_part
 
 FORMATS = {
     "spice": Format(".cir", ring_spice.write, ".cir"),

@@ -29,8 +29,7 @@ from ..kernel.library import FLAGS, SOURCES, compiler
 from ..kernel.tableaus import Method, tableau
 from ..kernel.units import UW, internal_pump, internal_rings
 from ..resonator import RingResonator
-from .lit_part import lit_part
-from .ring_ports import Demonstration, RingPorts, ring_ports
+from .ring_ports import Demonstration, RingPorts, lit_part, ring_ports
 
 
 def _field(name: str, words: str) -> tuple[Quantity, ...]:

@@ -1,4 +1,4 @@
-"""A ring in the kernel's units, its ports with fields in sqrt(W), and the run that is written beside an export.
+"""A ring in the kernel's units, its ports with fields in sqrt(W), the part that light heats, and the run of an export.
 
     da/dt = ... + i (pump s_in + add s_add)
     s_through = s_in + i through a,    s_drop = s_add + i drop a
@@ -8,11 +8,13 @@ The equations of light and carriers, and the units ns, fJ and 1e23 carriers per 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from thermofem import checks
+from thermofem import InputError, StateSpace, checks
+from thermofem.export.poles import RCNetwork, rc_network
+from thermofem.ring_temperature import detuning_output
 
 from ..kernel.units import FJ, NS, Rates, internal_pump, internal_rates
 from ..resonator import RingResonator
@@ -104,3 +106,38 @@ def demonstration(power: Any, detuning: float, period: float | None) -> Demonstr
     if period is not None:
         period = checks.between("period", period, 1e-12, 1, unit="s")
     return Demonstration(power, detuning, period)
+
+
+def ring_network(model: Any, wanted: str, *, taken: Iterable[str]) -> tuple[RCNetwork, str]:
+    """RC network with a pin "heat" at the part that light heats, and the pin of the output that detunes it.
+
+    wanted: the temperature that the ring reads, "core" or "light".
+    """
+    net = rc_network(model, taken=(*taken, "heat"))
+    channel = lit_part(model, wanted)
+    net.pins[net.parts.index(channel.heated)] = "heat"
+    return net, net.pins[net.parts.index(channel.read)]
+
+
+def lit_channel(model: Any, wanted: str) -> Any:
+    """The channel of a StateSpace from the light of a ring to what detunes it; any other model unchanged."""
+    return model.channel(*lit_part(model, wanted)) if isinstance(model, StateSpace) else model
+
+
+class LitPart(NamedTuple):
+    """The input that the light of a ring heats, and the output that detunes it."""
+
+    heated: str
+    read: str
+
+
+def lit_part(model: Any, wanted: str) -> LitPart:
+    """The first input of a model, and the output that detunes a ring which reads ``wanted``, "core" or "light".
+
+    Raises InputError: the model does not read that input, and reads several others.
+    """
+    heated = getattr(model, "heated", model.inputs)[0]
+    read = detuning_output(wanted, heated, tuple(model.outputs))
+    if read in model.outputs:
+        return LitPart(heated, read)
+    raise InputError(f"model heats {heated!r} and reads {', '.join(model.outputs)}: one must be {heated!r}, too")

@@ -16,8 +16,7 @@ from thermofem.models import ThermalModel
 
 from ..kernel.rates import EPSILON
 from ..resonator import RingResonator
-from .lit_part import ring_network
-from .ring_ports import Demonstration, RingPorts, ring_ports
+from .ring_ports import Demonstration, RingPorts, ring_network, ring_ports
 
 LIGHT = ("in_re", "in_im", "add_re", "add_im", "through_re", "through_im", "drop_re", "drop_im", "detuning")
 NAMES = ("ar", "ai", "n", "u", "d", "g", "a_re", "a_im", "carriers", "lit")  # of a ring's module

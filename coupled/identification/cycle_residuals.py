@@ -17,8 +17,7 @@ from ..runs.simulate import simulate
 from ..thermal import Compact, as_read, without_origin
 from ..unknowns import Unknowns
 from .box_search import Residuals, at_bound
-from .cycles import NEAR, Seen, Target, cycle_of
-from .fourier_cycles import HARMONICS, Cycle, lag
+from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
 
 EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and second half, or
 MOST_SAMPLES = 50_000  # so many samples in a half

@@ -8,6 +8,7 @@ in the approximation of Gauss and Newton. A quantity q(x, p) moves as dq/dp + dq
 the deviation s_p of a held number adds is (s_p dq/dp)^2 of this total derivative.
 """
 
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -74,3 +75,28 @@ def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> 
         slope, parameter = strongest[held]
         lines.append(f"{parameter} moves by {slope:+.2g} % for 1 % of {held}")
     return lines
+
+
+WIDTH = 100  # characters of a line
+SHOWN = 3  # notes that are shown whole
+
+
+def summary(
+    title: str,
+    parameters: Mapping[str, float],
+    deviations: Mapping[str, float],
+    sensitivities: Mapping[str, Mapping[str, float]],
+    notes: Sequence[str],
+) -> str:
+    """Text of a fit: a title, a line for each parameter (SI), the held numbers that matter most, and the notes."""
+    lines = [title]
+    for name, value in parameters.items():
+        deviation = deviations.get(name)
+        bar = "" if deviation is None else f" +- {deviation:.2g}"
+        lines.append(f"  {name:<20} {value:.5g}{bar}")
+    lines += [f"  held: {line}" for line in leaning(sensitivities)]
+    lines += [textwrap.shorten(f"  note: {note}", WIDTH, placeholder=" ...") for note in notes[:SHOWN]]
+    more = len(notes) - SHOWN
+    if more > 0:
+        lines.append(f"  and {more} more, in .notes")
+    return "\n".join(lines)

@@ -12,18 +12,16 @@ from thermofem import Foster, checks
 from thermofem.arrays import Array
 from thermofem.models import HasModel, ThermalModel
 
-from ..arguments import bar, check_ring
+from ..inputs import bar, check_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, check_model, notes_of, plain
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .box_search import End, Prior, cost, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
-from .deviations import curvature, spread_over_traces, unknown_as_inf, without_noise
-from .fit_summary import summary
+from .deviations import curvature, leaning_of, spread_over_traces, unknown_as_inf, without_noise
 from .forced_filters import forced_starts
-from .held_numbers import held_deviations, held_numbers
-from .trace_leaning import leaning_of
+from .held_numbers import held_deviations, held_numbers, summary
 
 log = logging.getLogger("thermofem")
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from thermofem.data import dataset
 
-from ..arguments import bar, check_ring
+from ..inputs import bar, check_ring
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .box_search import at_bound, cost, least_squares

@@ -15,10 +15,9 @@ from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
-from ..arguments import check_ring, check_run, detuning_in_time, power_in_time
 from ..heater_loop import HeaterLoop, heater_loop, relaxed
 from ..heaters import heater_powers, power_of
-from ..inputs import Lights, last_change, pieces
+from ..inputs import Lights, check_ring, check_run, detuning_in_time, last_change, pieces, power_in_time
 from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate

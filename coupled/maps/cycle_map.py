@@ -14,8 +14,7 @@ import numpy as np
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
-from ..cycles.cycle_problem import CycleProblem
-from ..cycles.cycle_search import RestError, UnsettledError, settled
+from ..cycles.cycle_problem import CycleProblem, RestError, UnsettledError, settled
 from ..cycles.return_map import FLAT, Measures, measures
 from ..equilibria.steady_states import Fixed
 from ..kernel.shooting import FINE, PeriodicOrbit, ReturnMap
@@ -70,7 +69,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 
 
 class _Row:
-    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.cycle_search.Shooting`."""
+    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.cycle_problem.Shooting`."""
 
     heat = 3  # index of the first of its states
 

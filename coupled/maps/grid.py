@@ -12,10 +12,10 @@ from thermofem import InputError, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.dataset import describe
 
-from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..equilibria.balance import absorbable, internal_ring
 from ..equilibria.steady_states import Fixed, survey
 from ..heaters import ConstantHeating
+from ..inputs import MOST_POINTS, check_axis, check_ring
 from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..ring_toml import UNITS

@@ -24,13 +24,12 @@ from thermofem.data import dataset, files
 from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
-from ..arguments import bar, check_duration, check_ring
 from ..equilibria.steady_states import Fixed
 from ..heaters import constant
+from ..inputs import bar, check_duration, check_ring
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
-from ..runs.pulsing import FEWEST, Pulsing, Regime, classify, lasting
-from ..runs.resting import Rest
+from ..runs.pulsing import FEWEST, Pulsing, Regime, Rest, classify, lasting
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact, check_model, long_enough, provenance, trusted

@@ -10,9 +10,9 @@ from thermofem import InputError, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_ring
 from ..equilibria.balance import absorbable
 from ..heaters import constant
+from ..inputs import check_ring
 from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..thermal import Compact, check_model, provenance, trusted, warn_at_top

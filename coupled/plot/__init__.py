@@ -12,8 +12,7 @@ from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
 from ..identification.identify import Identification
 from ..sweeps.fit_transmission import TransmissionFit
-from .bode import plot_bode
-from .curves import HEAT, dbm, leaves, plot_branch, plot_transmission
+from .curves import HEAT, dbm, leaves, plot_bode, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
 

@@ -1,4 +1,4 @@
-"""Figures of curves of fixed points and of cycles; the units of axes and styles of lines that all figures share."""
+"""Figures of curves of fixed points, of cycles and of linear rings; units of axes and styles that all figures share."""
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -9,8 +9,20 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from thermofem.checks import choice, mapping, text
+from thermofem.data import quantity
 from thermofem.data.variables import contents
-from thermofem.plot import BLUE as LIGHT, GREEN, INK, PURPLE, VERMILION as HEAT, axes, readable
+from thermofem.plot import (
+    BLUE as LIGHT,
+    CYCLE,
+    GREEN,
+    INK,
+    PURPLE,
+    VERMILION as HEAT,
+    WIDTH,
+    axes,
+    axes as new_axes,
+    readable,
+)
 
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip
@@ -162,3 +174,36 @@ def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
     values, unit = readable(branch[name].values, branch[name].attrs.get("units", "1").removeprefix("1"))
     largest = np.argmax(np.abs(values))
     return float(values[largest] / branch[name].values[largest]), f"{name} ({unit})" if unit else name
+
+
+RESPONSE = "a Dataset of Linear.response"
+
+
+def plot_bode(
+    data: xr.Dataset, given: str = "detuning", seen: Sequence[str] = ("drop", "delta_T"), axes: np.ndarray | None = None
+) -> np.ndarray:
+    """Draw magnitude and phase from one input to some outputs; the legend has the gain that counts as 0 dB.
+
+    data: from `Linear.response`; its lowest frequency gives 0 dB.
+    """
+    response = contents("data", data, ("frequency", "response"), what=RESPONSE)["response"].sel(input=given)
+    above, below = new_axes(axes, (WIDTH, 4.6), 2, sharex=True)
+    f = response["frequency"].values
+    per = str(response["input_unit"].values)
+    for colour, name in zip(CYCLE, seen, strict=False):
+        H = response.sel(output=name)
+        values = H.values
+        gain = quantity.gain(abs(values[0]), str(H["output_unit"].values), per)
+        decibels = 20 * np.log10(np.abs(values) / np.abs(values[0]))
+        phase = np.degrees(np.unwrap(np.angle(values)))
+        above.semilogx(f, decibels, color=colour, label=f"{name}, 0 dB = {gain}")
+        below.semilogx(f, phase, color=colour)
+    above.axhline(-3, color=INK, linewidth=0.6, linestyle=":")
+    above.set(ylabel="magnitude (dB)", xlim=(f[0], f[-1]))
+    above.set_ylim(bottom=max(above.get_ylim()[0], -80))
+    above.legend(frameon=False, fontsize="small")
+    above.set_title(f"from {given}", fontsize="small", loc="left")
+    below.set(xlabel="frequency (Hz)", ylabel="phase (degrees)")
+    for panel in (above, below):
+        panel.grid(True, which="major", linewidth=0.3, color="#c3c8ce")
+    return np.array([above, below])

@@ -11,12 +11,11 @@ from thermofem import InputError, checks, dataset
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..circuit.circuit import Circuit
-from ..circuit.run import run_circuit
+from ..circuit.system import run_circuit
 from ..heater_loop import PASSES, heater_loop, relaxed
 from ..heaters import Poles, channels, heater_powers, heating, with_ambient
-from ..inputs import Input
+from ..inputs import Input, check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..kernel.tableaus import Method
 from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator

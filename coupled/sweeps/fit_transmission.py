@@ -14,18 +14,15 @@ from thermofem.data import dataset
 from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
-from ..arguments import check_ring, datasets
 from ..heaters import driving
-from ..identification.fit_summary import summary
-from ..identification.held_numbers import SHARE, held_deviations, held_numbers
+from ..identification.held_numbers import SHARE, held_deviations, held_numbers, summary
+from ..inputs import check_ring, datasets
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import notes_of
-from .bus_or_loss import with_other_answer
 from .slow_sweeps import Sweep, read_sweep
-from .sweep_doubts import correlation_of, doubts_of, level_doubts
-from .sweep_residuals import sweep_residuals
-from .transmission_search import FREQUENCY, POWER, RESISTANCE, End, Search, make_search, searched
+from .sweep_doubts import correlation_of, doubts_of, level_doubts, with_other_answer
+from .transmission_search import FREQUENCY, POWER, RESISTANCE, End, Search, make_search, searched, sweep_residuals
 
 log = logging.getLogger("thermofem")
 
@@ -132,7 +129,7 @@ def fit_transmission(
 
     Without two-photon absorption the sweeps determine only "heating", the product of R_th and the absorbed fraction of
     the loss, and not the two factors; and a through port alone does not tell the bus from the loss: both answers are
-    tried, and named where both fit (`bus_or_loss`).
+    tried, and named where both fit (`sweep_doubts`).
 
     >>> import coupled, thermofem as th
     >>> ring, heat = coupled.borghi2021(), th.Foster(R=[9e3], tau=[1e-6])

@@ -23,9 +23,9 @@ from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.variables import in_si
 
-from ..arguments import check_power
 from ..equilibria.transmission import PortCurve
 from ..identification.forced_filters import noise_of
+from ..inputs import check_power
 from ..resonator import RingResonator
 
 DECIBELS = {"db": "dB", "dbm": "dBm"}

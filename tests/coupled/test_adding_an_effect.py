@@ -54,7 +54,7 @@ AUGER = {
         ("affine(tau0, tau0 * a, n));", "affine(tau0, tau0 * a, n)));"),
         ("const affine =", "const sum = (x, y) => [x[0] + y[0], x[1] + y[1]];\nconst affine ="),
     ],
-    "coupled/export/spice_light.py": [
+    "coupled/export/ring_spice.py": [
         ("/(1+{r.a!r}*V(n))\"", "/(1+{r.a!r}*V(n))+{r.auger!r}*V(n)*V(n)*V(n)\""),
     ],
     "coupled/export/ring_verilog_a.py": [

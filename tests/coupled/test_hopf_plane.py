@@ -10,8 +10,7 @@ from commands import thermofem
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.hopf_plane import Window, hopf_plane, lowest_hopf
-from coupled.maps.period_points import period_points
+from coupled.maps.hopf_plane import Window, hopf_plane, lowest_hopf, period_points
 from coupled.ring_toml import write_text
 
 RING = coupled.borghi2021()

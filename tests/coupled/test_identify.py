@@ -17,9 +17,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.identification.cycle_residuals import SOFT, Stage, compared, free_run, read_apart, repeat_within, residuals
-from coupled.identification.cycles import Seen, cycle_of, targets_of
+from coupled.identification.cycles import HARMONICS, Cycle, Seen, cycle_of, targets_of
 from coupled.identification.deviations import spread_over_traces, white_noise, without_noise
-from coupled.identification.fourier_cycles import HARMONICS, Cycle
 from coupled.identification.newton_traces import TWO, fit_newton_per_trace
 from coupled.plot import plot_identification
 from coupled.thermal import compact

@@ -9,7 +9,7 @@ from audit import verdicts
 
 import coupled
 import thermofem as th
-from coupled.runs.resting import rest_of_run, ring_in
+from coupled.runs.pulsing import rest_of_run, ring_in
 from thermofem.data import dataset
 
 RING = coupled.borghi2021()

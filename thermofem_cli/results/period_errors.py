@@ -11,8 +11,7 @@ from rich.table import Table
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.hopf_plane import hopf_plane
-from coupled.maps.period_points import period_points
+from coupled.maps.hopf_plane import hopf_plane, period_points
 from surrogate.judging.validate import valid_range
 from thermofem import InputError, checks
 from thermofem.models import NonlinearSystem
