@@ -308,14 +308,15 @@ def constant(
     Under a voltage or a current the model is the one around the heaters' own state, see `resistive_heaters`.
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
-    found = channels(model, wanted, heaters, heated, read)
-    rest = at_rest(model, checks.mapping("heaters", heaters))
+    selected = channels(model, wanted, heaters, heated, read)
+    settled = at_rest(model, checks.mapping("heaters", heaters))
     gains = {AMBIENT: 1.0}
-    for name, transfer in found.transfers.items():
+    for name, transfer in selected.transfers.items():
         gains[name] = transfer.thermal_resistance
-    rise = sum(gains[name] * power for name, power in rest.powers.items())
-    warm = found.model if rest.model is model else channels(rest.model, wanted, rest.powers, heated, read).model
-    return ConstantHeating(warm, float(rise), rest)
+    rise = sum(gains[name] * power for name, power in settled.powers.items())
+    if settled.model is not model:
+        selected = channels(settled.model, wanted, settled.powers, heated, read)
+    return ConstantHeating(selected.model, float(rise), settled)
 
 
 def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:

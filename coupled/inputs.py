@@ -162,13 +162,16 @@ def lights(
     entry [(fields, L), 1/sqrt(s)]: coupling of each laser amplitude to each field.
     echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
     """
-    beats = [_difference(own, frequencies[k]) for own, k in zip(frequencies, frame, strict=True)]
+    beats = [_difference(frequency, frequencies[k]) for frequency, k in zip(frequencies, frame, strict=True)]
     phase = integral(table(beats, 2 * np.pi * NS))
     phase.coefficients[:, :, 0] += np.array(phases or 0.0)
     turning = table(detunings, NS)
-    jumps = np.concatenate([echoes(joint(*powers)), NS * turning.edges, NS * phase.edges])
-    edges = apart_in_time(jumps, powers[0].edges[[0, -1]])
-    brightest = np.array([largest(power) / UW for power in powers])
+    arrivals = echoes(joint(*powers))
+    jumps = np.concatenate([arrivals, NS * turning.edges, NS * phase.edges])
+    window = powers[0].edges[[0, -1]]
+    edges = apart_in_time(jumps, window)
+    watts = [largest(power) for power in powers]
+    brightest = np.array(watts) / UW
     drive = Drive(edges / NS, table(powers, 1 / UW), phase, turning, entry * NS**0.5, brightest)
     extremes = [max(bounds(beat), key=abs) for beat in beats]
     fastest = 2 * np.pi * NS * np.array(extremes)
@@ -257,7 +260,7 @@ def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
 LONGEST = 1.0  # s, of a run
 MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
 
-ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
+UNDERSHOOT = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
 WATT = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
 
 
@@ -293,7 +296,7 @@ def power_in_time(power: Any, duration: float, name: str = "power", most: float 
     """Return a constant power (W) as a float, a function of time as `Pieces`; InputError outside 0 to ``most`` W."""
     found = None if _is_number(power) else pieces(name, power, 0.0, float(duration))
     low, high = (power, power) if found is None else bounds(found)
-    if found is not None and -ROUND_OFF * high <= low < 0:
+    if found is not None and -UNDERSHOOT * high <= low < 0:
         low = 0.0
     values = [checks.between(name, value, 0, most, unit="W", hint=hint) for value in (low, high)]
     return values[0] if found is None else found

@@ -39,7 +39,7 @@ from .resonator import RingResonator
 WIDER = 5.0  # bandwidth over linewidth, where the line is 10 % narrower (measured)
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
 LONGER = 1.05  # of the record, so that its end does not resemble its start
-MOST_SAMPLES = 2_000_000  # samples
+MOST_NOISE_SAMPLES = 2_000_000  # samples
 RESOLVED = 4.0  # samples in the time constant of a pole: folding adds (1/4)^2/12 to its static density, 0.5 %
 INTENSITY, FREQUENCY, HEAT = 0, 1, 2  # sources of noise, independent for one seed
 
@@ -203,8 +203,8 @@ def _coloured(
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
     seed = checks.seed(seed)
     length = LONGER * duration
-    most = MOST_SAMPLES / (OVERSAMPLED * length)
-    hint = f"{duration:g} s hold one period at least and {MOST_SAMPLES} samples at most"
+    most = MOST_NOISE_SAMPLES / (OVERSAMPLED * length)
+    hint = f"{duration:g} s hold one period at least and {MOST_NOISE_SAMPLES} samples at most"
     bandwidth = checks.between("bandwidth", bandwidth, 1 / length, min(most, 1e13), unit="Hz", hint=hint)
     n = max(int(np.ceil(length * OVERSAMPLED * bandwidth)), 2 * OVERSAMPLED)
     lines = max(int(bandwidth * length), 1)

@@ -24,7 +24,7 @@ from thermofem.geometry.resistor import Resistor
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 
-from .thermal import LARGEST, check_order, geometry_of
+from .thermal import MOST_POLES, check_order, geometry_of
 
 LARGEST_DRIVE = 1e3  # V or A
 LARGEST_POWER = 10.0  # W
@@ -243,5 +243,5 @@ def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
         if one.name not in system.outputs:
             rule = f"the thermal model does not read {one.name!r}, whose temperature changes its resistance"
             raise checks.InputError(rule, f"give {READ_TOO}, or tcr = 0")
-    check_order(system.order, LARGEST)
+    check_order(system.order, MOST_POLES)
     return replace(system, A=system.A.toarray()) if issparse(system.A) else system

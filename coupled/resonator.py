@@ -257,9 +257,9 @@ class RingResonator:
             base whose rates are set and would not follow the new volume.
         """
         checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
-        found: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
-        given = {"perimeter": perimeter, "mode_area": mode_area}
-        ring_toml.check_determined({k for k, v in given.items() if v is not None}, tuple(given), ())
+        numbers: dict[str, Any] = ring_toml.rates_of(frequency, loaded_q, intrinsic_q, buses, absorbed_fraction)
+        volume = {"perimeter": perimeter, "mode_area": mode_area}
+        ring_toml.check_determined({k for k, v in volume.items() if v is not None}, tuple(volume), ())
         if perimeter is not None and mode_area is not None:
             fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
             if fixed:
@@ -269,9 +269,9 @@ class RingResonator:
                 )
             perimeter = checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
             mode_area = checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
-            found |= {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
-        ring_toml.tell_base(base.name, base, found)
-        return replace(base, name=name, **found)
+            numbers |= {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
+        ring_toml.tell_base(base.name, base, numbers)
+        return replace(base, name=name, **numbers)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> RingResonator:

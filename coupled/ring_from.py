@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from thermofem.optics.mode import Mode
 
 
+INTEGRAL_ERROR = 1e-3  # relative, of integrals over the mode
 NEAR_ROOM = 20.0  # K, within which the numbers of a base ring, measured at room temperature, are taken as they are
 
 log = logging.getLogger("thermofem")
@@ -101,16 +102,16 @@ class MadeRing:
         InputError
             as `thermofem.optics.Mode.derivatives`.
         """
-        at = _numbers(self.mode, self._loss, self._buses, self._rules)
+        numbers = _numbers(self.mode, self._loss, self._buses, self._rules)
         order = _order(self.mode)
         varied = mode_derivatives.variations(self.mode.light, parameters)
         rows = []
-        for one in varied:
-            slopes = mode_derivatives.slopes(self.mode, one, **self._rules)
-            slopes["loss"] = one.change.optical.get(("light", "loss"), 0.0)
+        for variation in varied:
+            slopes = mode_derivatives.slopes(self.mode, variation, **self._rules)
+            slopes["loss"] = variation.change.optical.get(("light", "loss"), 0.0)
             for k, bus in enumerate(self._buses):
-                slopes[f"kappa {k}"] = bus.coupling.derivative(one, bus.name) if bus.coupling else 0.0
-            moved_numbers = {name: value + 1j * STEP * slopes[name] for name, value in at.items()}
+                slopes[f"kappa {k}"] = bus.coupling.derivative(variation, bus.name) if bus.coupling else 0.0
+            moved_numbers = {name: value + 1j * STEP * slopes[name] for name, value in numbers.items()}
             moved = fields_of(moved_numbers, order, self.mode.light.geometry.straight)
             kappas = {name.replace(" ", "_"): slope for name, slope in slopes.items() if name.startswith("kappa")}
             rows.append({name: float(value.imag) / STEP for name, value in moved.items()} | kappas)
@@ -181,28 +182,30 @@ def ring_from(
     >>> round(made.ring.loaded_q, -3), made.origins["tpa_volume"].origin
     (6000.0, 'computed: mode TE0')
     """
-    found = th.light(geometry, wavelength=wavelength).mode(mode)
-    section = found.light.geometry
+    guided = th.light(geometry, wavelength=wavelength).mode(mode)
+    section = guided.light.geometry
     if section.kind != "ring":
         raise InputError(f"{section.name!r} is a straight section; a ring is needed")
-    given = loss if loss is not None or section.light is None else section.light.loss
-    if given is None:
+    stated = loss if loss is not None or section.light is None else section.light.loss
+    if stated is None:
         raise InputError('loss is missing; give it, such as "2 dB/cm", or loss in [light] of the geometry')
-    alpha = quantity.parse(given, "1/m", name="loss") if isinstance(given, str) else given
+    alpha = quantity.parse(stated, "1/m", name="loss") if isinstance(stated, str) else stated
     hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
     alpha = checks.between("loss", alpha, 0, 1e6, unit="1/m", hint=hint)
-    base = base_of(base, section.material_of(found.core), found.wavelength)
+    base = base_of(base, section.material_of(guided.core), guided.wavelength)
     rules = {"dispersion": dispersion, "spread_carriers": spread_carriers}
-    made = _buses(found, gap, coupling, straight, buses)
-    fields: dict[str, Any] = fields_of(_numbers(found, alpha, made, rules), _order(found), section.straight)
-    bent = 2 * math.pi * found.radius / section.path_length(found.radius)
-    fields["scattering_rate"] = found.radiation_rate * bent + found.leak_rate
+    with_power = _buses(guided, gap, coupling, straight, buses)
+    numbers = _numbers(guided, alpha, with_power, rules)
+    fields: dict[str, Any] = fields_of(numbers, _order(guided), section.straight)
+    bent = 2 * math.pi * guided.radius / section.path_length(guided.radius)
+    fields["scattering_rate"] = guided.radiation_rate * bent + guided.leak_rate
     fields["read"] = LIGHT
-    fields["mode"] = GuidedMode(found.name, found.wavelength)
-    _tell_ambient(found, base)
-    ring = replace(base, name=f"{section.name}, {found.name}", rates=(), **fields)
+    fields["mode"] = GuidedMode(guided.name, guided.wavelength)
+    _tell_ambient(guided, base)
+    ring = replace(base, name=f"{section.name}, {guided.name}", rates=(), **fields)
     ring_toml.tell_base(_name(base), base, fields)
-    return MadeRing(ring, _origins(ring, base, found, made), found, alpha, made, rules)
+    origins = _origins(ring, base, guided, with_power)
+    return MadeRing(ring, origins, guided, alpha, with_power, rules)
 
 
 def _tell_ambient(mode: Mode, base: RingResonator) -> None:
@@ -258,31 +261,32 @@ def _origins(ring: RingResonator, base: RingResonator, mode: Mode, buses: Sequen
     computed = f"computed: mode {mode.name}"
     leak = f", and leak of {mode.substrate_loss:.3g} dB/cm" if mode.leak_rate else ""
     away = (ring.frequency - c / mode.wavelength) / 1e9
-    drop = (buses[1].origin, buses[1].error) if len(buses) > 1 else ("given", 0.0)
-    words = {
-        "frequency": (f"{computed}, order {_order(mode)}, {away:.3g} GHz away", error),
-        "bus_rate": (buses[0].origin, buses[0].error),
-        "drop_rate": drop,
-        "loss_rate": ("given: loss times v_g/2", error),
-        "scattering_rate": (f"{computed}, radiation{leak}", 0.02 if ring.scattering_rate else 0.0),
-        "refractive_index": (f"computed: index law of {mode.core_material}", math.nan),
-        "group_index": (computed, error),
-        "index_confinement": (f"{computed}, dn_eff/dn of {mode.core_material}", 1e-3),
-        "thermo_optic": _shift(computed, mode),
-        "read": (f"the temperature that goes with thermo_optic, weighted by mode {mode.name}", math.nan),
-        "mode": ("name and wavelength (m) of that mode", math.nan),
-        "tpa_confinement": (computed, 1e-3),
-        "tpa_volume": (computed, 1e-3),
-        "fca_confinement": (computed, 1e-3),
-        "fca_volume": (computed, 1e-3),
-    }
-    others = ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd")
+    origins: dict[str, Origin] = {}
+
+    def say(name: str, origin: str, error: float = math.nan) -> None:
+        origins[name] = Origin(getattr(ring, name), origin, error)
+
+    say("frequency", f"{computed}, order {_order(mode)}, {away:.3g} GHz away", error)
+    say("bus_rate", buses[0].origin, buses[0].error)
+    say("drop_rate", "given", 0.0)
+    if len(buses) > 1:
+        say("drop_rate", buses[1].origin, buses[1].error)
+    say("loss_rate", "given: loss times v_g/2", error)
+    say("scattering_rate", f"{computed}, radiation{leak}", 0.02 if ring.scattering_rate else 0.0)
+    say("refractive_index", f"computed: index law of {mode.core_material}")
+    say("group_index", computed, error)
+    say("index_confinement", f"{computed}, dn_eff/dn of {mode.core_material}", INTEGRAL_ERROR)
+    say("thermo_optic", *_shift(computed, mode))
+    say("read", f"the temperature that goes with thermo_optic, weighted by mode {mode.name}")
+    say("mode", "name and wavelength (m) of that mode")
+    for name in ("tpa_confinement", "tpa_volume", "fca_confinement", "fca_volume"):
+        say(name, computed, INTEGRAL_ERROR)
     of_base = f"base {_name(base)}"
-    origins = {name: Origin(getattr(ring, name), *about) for name, about in words.items()}
-    origins |= {name: Origin(getattr(ring, name), of_base) for name in others}
+    for name in ("fcd", "fca_cross_section", "tpa_coefficient", "kerr_coefficient", "carriers", "lumped_fcd"):
+        say(name, of_base)
     ambient = mode.light.geometry.ambient
     if abs(ambient - ROOM) > NEAR_ROOM:
-        origins["carriers"] = Origin(ring.carriers, f"{of_base}, of room temperature; the chip has {ambient:g} K")
+        say("carriers", f"{of_base}, of room temperature; the chip has {ambient:g} K")
     return origins
 
 
@@ -290,7 +294,7 @@ def _shift(computed: str, mode: Mode) -> tuple[str, float]:
     """Origin of thermo_optic, and its relative error; nan where dn/dT of a cladding is missing."""
     if mode.lacking:
         return f"{computed}, without {' and '.join(mode.lacking)}, whose dn/dT is missing", math.nan
-    return f"{computed}, with the cladding's share", 1e-3
+    return f"{computed}, with the cladding's share", INTEGRAL_ERROR
 
 
 def _name(base: RingResonator) -> str:
@@ -324,18 +328,22 @@ def base_of(base: RingResonator | None, material: Any, wavelength: float) -> Rin
     )
 
 
-def _buses(mode: Mode, gap: float | None, given: float | None, straight: float, count: int | None) -> tuple[_Bus, ...]:
-    """The buses with kappa^2, given (``given``), computed from ``gap``, or from the [[bus]] tables of the geometry."""
+def _buses(
+    mode: Mode, gap: float | None, coupling: float | None, straight: float, count: int | None
+) -> tuple[_Bus, ...]:
+    """The buses with kappa^2, given as ``coupling``, computed from ``gap``, or from the [[bus]] tables."""
     section = mode.light.geometry
-    own = gap is None and given is None
-    if (gap is None) == (given is None) and not (own and section.buses):
-        rule = "gap and coupling are missing" if own else "gap and coupling are both given"
+    neither = gap is None and coupling is None
+    both = gap is not None and coupling is not None
+    if both or (neither and not section.buses):
+        rule = "gap and coupling are missing" if neither else "gap and coupling are both given"
         raise InputError(rule, "give the gap in m or kappa^2, one of them, or [[bus]] with its gap in the geometry")
-    number = checks.integer("buses", count or (len(section.buses) if own else 2), 1, 2)
-    if given is not None:
+    usual = len(section.buses) if neither else 2
+    number = checks.integer("buses", count or usual, 1, 2)
+    if coupling is not None:
         hint = "it is the power that a bus takes in one pass; the rate model fails above 0.5"
-        given = checks.between("coupling", given, 1e-9, MOST, hint=hint)
-        return (_Bus("", given, "given: kappa^2", 0.0, None),) * number
+        power = checks.between("coupling", coupling, 1e-9, MOST, hint=hint)
+        return (_Bus("", power, "given: kappa^2", 0.0, None),) * number
     guides = section.buses
     if gap is not None:
         guides = (Bus("gap", checks.positive("gap", gap, unit="m"), straight),)

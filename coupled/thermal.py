@@ -31,7 +31,7 @@ NEEDED = (
     "or a reduction; coupled.cosimulate takes the FEM itself"
 )
 HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Beyond, the resonance moves faster than integration steps can follow
-LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
+MOST_POLES = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 TAKEN = (0.67, 1.5)  # volume of two-photon absorption over that of the core, where it is that of a published ring
 GIVEN = (0.3, 4.0)  # the same, where it was given: that of a slot or a rib differs much from its core
 
@@ -52,7 +52,7 @@ def compact(model: ThermalModel) -> Compact:
         return small
     checks.instance("model.dynamics", small, OutputMap, hint=NEEDED)
     poles = small.linear
-    check_order(poles.order, LARGEST)
+    check_order(poles.order, MOST_POLES)
     own = poles.inputs == poles.outputs  # what another part reads, or the light, may have poles of either sign
     if (own and not poles.passive) or poles.thermal_resistance <= 0:
         raise InputError(
@@ -268,16 +268,19 @@ def _contradiction(ring: RingResonator, text: str) -> str:
     """A sentence stating that the volume of the ring differs from that of the geometry, or an empty string."""
     section = CrossSection.from_toml_text(text)
     core = "core" if "core" in section.heated else section.heated[0]
-    material, (low, high) = section.material_of(core), SILICON
-    own = None if material.index is None else material.index.index(c / ring.frequency)
-    if own is not None and not low < own < high and low < ring.refractive_index < high and ring.tpa_coefficient:
+    material = section.material_of(core)
+    low, high = SILICON
+    index = None if material.index is None else material.index.index(c / ring.frequency)
+    other_material = index is not None and not low < index < high
+    of_silicon = low < ring.refractive_index < high and ring.tpa_coefficient
+    if other_material and of_silicon:
         raise InputError(
             f"ring {ring.name!r} has the numbers of silicon, and {core!r} of {section.name!r} is {material.name}",
             "`thermofem ring`, coupled.ring_from in Python, makes the ring of a geometry",
         )
     if section.kind != "ring":
         return ""
-    of = next((name for name, one in PUBLISHED.items() if one().tpa_volume == ring.tpa_volume), "")
+    of = next((name for name, make in PUBLISHED.items() if make().tpa_volume == ring.tpa_volume), "")
     ratio = ring.tpa_volume / section.volumes()[core]
     least, most = TAKEN if of else GIVEN
     if least < ratio < most:

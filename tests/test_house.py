@@ -161,17 +161,6 @@ def test_examples_compile(script):
 
 # functions above 15 nodes a statement, each with what makes its lines long
 DENSE = {
-    "coupled/circuit/network.py: network_of": "two wide tables of couplings",
-    "coupled/equilibria/linear_ring.py: linearize": "one wide Dataset of names",
-    "coupled/explore/contents.py: presets": "a table of rings",
-    "coupled/explore/section.py: section_of": "the drawing as one literal",
-    "coupled/export/circuit_spice.py: _waves": "lines of a netlist",
-    "coupled/export/ring_verilog_a.py: write": "lines of a module",
-    "coupled/inputs.py: lights": "piecewise products of every laser",
-    "coupled/ring_from.py: _origins": "a table of sentences",
-    "coupled/runs/pulsing.py: classify": "verdicts with their numbers",
-    "coupled/runs/repetition.py: top_of": "the vertex of a parabola, as it is printed",
-    "coupled/runs/window.py: advance": "the call of the kernel with all its options",
     "surrogate/fitting/optical_fit.py: _concluded": "a result with all its fields",
     "surrogate/reduction/array_reduction.py: reduce_array": "a result with all its fields",
     "surrogate/reduction/layout_sections.py: of": "a result with all its fields",

@@ -37,7 +37,7 @@ from .circuit import Circuit
 
 log = logging.getLogger("thermofem")
 
-ROUND_OFF = 1e-14  # of the largest entry of M
+NO_COUPLING = 1e-14  # of the largest entry of M
 PILED = 1e-8  # smallest singular value of 1 - C S: light in a loop is 1e8 times that which enters it
 MOST_STATES = 20_000  # states: their matrices are dense
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
@@ -139,7 +139,7 @@ def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: 
     M = light.between * eq.NS
     root = np.sqrt(eq.NS)
     corner = light.corner * eq.NS * detected
-    large = np.abs(M) > ROUND_OFF * np.abs(M).max()
+    large = np.abs(M) > NO_COUPLING * np.abs(M).max()
     feeds = large & ~np.eye(len(M), dtype=bool)
     between = np.where(feeds, M, 0)
     feeders = {i: np.flatnonzero(row).tolist() for i, row in enumerate(feeds)}
@@ -148,12 +148,15 @@ def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: 
     except CycleError:  # the rings form a loop
         order = np.empty(0, np.int32)
     taken, sent = _one_waveguide(between, order)
-    needed = bool(light.delay.size) or bool(corner.any()) or energies
+    one_bus = taken is not None
+    any_order = np.arange(len(M), dtype=np.int32)
+    filtered = bool(corner.any())
+    needed = light.delay.size > 0 or filtered or energies
     waves = slice(None) if needed else slice(0)  # others follow from the rows
     return Network(
-        light=LOOPS if taken is None else BUS,
+        light=BUS if one_bus else LOOPS,
         own=np.diag(M),
-        sequence=order if order.size else np.arange(len(M), dtype=np.int32),
+        sequence=order if order.size else any_order,
         between=between,
         taken=taken,
         sent=sent,
@@ -162,7 +165,7 @@ def network_of(light: Light, *, detected: bool, energies: bool, time_tolerance: 
         seen_ring=light.seen_ring[waves] * root,
         seen_laser=light.seen_laser[waves],
         seen_late=light.seen_delay[waves],
-        corner=corner if corner.any() else None,
+        corner=corner if filtered else None,
         energies=energies,
         time_tolerance=time_tolerance,
     )
@@ -176,7 +179,7 @@ def _one_waveguide(M: Complex, order: NDArray[np.int32]) -> tuple[Complex | None
         taken = M[:, first]
         sent = M[last] / (M[last, first] or 1.0)
         miss = np.tril(np.outer(taken, sent)[ordered], -1) - M[ordered]
-        if np.abs(miss).max() <= ROUND_OFF * np.abs(M).max():
+        if np.abs(miss).max() <= NO_COUPLING * np.abs(M).max():
             return taken, sent
     return None, None
 

@@ -185,7 +185,7 @@ def lights_of(
     )
 
 
-SHORTEST = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
+SHORTEST_DELAY = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
 
 
 def run_circuit(
@@ -204,7 +204,7 @@ def run_circuit(
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
     """Simulate a circuit: `simulate` calls it with its arguments, duration, rtol and times checked, for its result."""
-    shortest = SHORTEST / max(ring.linear_rate for ring in circuit.resonators)
+    shortest = SHORTEST_DELAY / max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
         checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)
@@ -233,7 +233,7 @@ def run_circuit(
         y = final_state(initial, y.size, {"model_tau": tau}) / units
     run = problem.integrate(
         y, rtol=rtol, times=dense / eq.NS if dense.size else None, longest=longest,
-        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+        progress=eq.in_seconds(progress),
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
     for i, offset in enumerate(system.heating.rises):

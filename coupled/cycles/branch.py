@@ -38,8 +38,8 @@ from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
 
 KIND = "Hopf curve"
 BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
-FIRST, SHORTEST = 0.01, 1e-7  # steps, in units of `multiple_shooting.weights`
-LONGEST = (0.1, 0.03)  # step of a branch, and of a curve of folds
+FIRST_STEP, SHORTEST_STEP = 0.01, 1e-7  # steps, in units of `multiple_shooting.weights`
+LONGEST_STEP = (0.1, 0.03)  # step of a branch, and of a curve of folds
 TURN = 0.3  # of the largest values, what the nodes may change in a step
 EASY, HARD, MORE = 3, 5, 4  # steps of Newton's method; more to a fold
 SMALL, SMALLEST_FOLD = (
@@ -51,7 +51,7 @@ AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
 MOST_CYCLES = 400  # cycles of the branch from a Hopf point to a laser
 HOPF = "Hopf"
-KINDS = ("fold", "period doubling", "torus")
+BIFURCATIONS = ("fold", "period doubling", "torus")
 
 
 def is_hopf_point(guess: Any) -> bool:
@@ -157,7 +157,7 @@ def hopf_near(family: Family, place: Place) -> Place | None:
 
 
 class Found(NamedTuple):
-    """A cycle on a branch and the bifurcation at which it lies: one of `KINDS`, `HOPF`, or "" for a regular cycle."""
+    """A cycle on a branch and the bifurcation at which it lies: one of `BIFURCATIONS`, `HOPF`, or "" for none."""
 
     place: Place
     kind: str
@@ -169,16 +169,16 @@ def follow(
     along: Array,
     ends: Any,
     most: int,
-    kinds: Collection[str] = KINDS,
+    kinds: Collection[str] = BIFURCATIONS,
 ) -> tuple[list[Found], str]:
     """Return the cycles of a branch, or the folds of a surface of cycles (q = 2), and the reason why it ends.
 
     start, along: the first cycle, and a vector of which the projection on the tangent space is the direction to go.
     ends: of the range of the parameters (SI), numbers or shape (2, q): a branch stops there, a curve of folds beyond.
-    most: largest number of cycles. kinds: the bifurcations to locate, of `KINDS`.
+    most: largest number of cycles. kinds: the bifurcations to locate, of `BIFURCATIONS`.
     """
     place = start
-    step = FIRST
+    step = FIRST_STEP
     rows = start.frame(along)
     out = [Found(start, "")]
     shortest = start.orbit.T
@@ -195,7 +195,7 @@ def follow(
         turns_sharply = after[0] @ rows[0] < 0.8
         if ahead is None or (turns_sharply and step > 1e-4):
             step /= 2
-            if step < SHORTEST:
+            if step < SHORTEST_STEP:
                 return out, "Newton's method finds no next cycle"
             continue
         out += _between(family, place, ahead, rows, step, kinds)
@@ -258,7 +258,7 @@ def _longest(place: Place, row: Array) -> float:
     states = place.unit[: place.orbit.start.size]
     moved = float(np.abs(place.change(row).y * states).max())
     allowed = TURN * min(1.0, 2 * place.extent)
-    return min(LONGEST[place.values.size - 1], allowed / max(moved, 1e-12))
+    return min(LONGEST_STEP[place.values.size - 1], allowed / max(moved, 1e-12))
 
 
 def _between(
@@ -270,7 +270,7 @@ def _between(
         return float(q.frame(rows[0])[0, -1])
 
     out = []
-    for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
+    for kind, test in zip(BIFURCATIONS, (fold, doubling, torus), strict=True):
         if kind in kinds and test(place) * test(ahead) < 0:
             located = _located(family, place, rows, step, test)
             if located is not None and _is_there(kind, located):

@@ -33,7 +33,7 @@ from .multiple_shooting import Family, Place, corrected
 from .return_map import Orbit
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
-MARGIN = 0.02  # of the window, by which a curve leaves it
+BEYOND_WINDOW = 0.02  # of the window, by which a curve leaves it
 SAME_FOLD = 0.02  # of the window, where two folds are the same
 SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
@@ -175,7 +175,7 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
 def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     along = fold.frame(across)[1]
-    corners = window.wider(MARGIN)
+    corners = window.wider(BEYOND_WINDOW)
     back, begins = follow(family, fold, -along, corners, POINTS, ())
     ahead, ends = follow(family, fold, along, corners, POINTS, ())
     places = [cycle.place for cycle in [*back[::-1], *ahead[1:]]]

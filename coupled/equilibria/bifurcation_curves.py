@@ -39,7 +39,8 @@ from .steady_states import first_lyapunov, jacobians, states
 from .zeros import distances, intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 400, 200  # at which roots are looked for
-LONGEST_STEP, SHORTEST, FINE = 0.1, 1e-7, 0.01  # steps along a curve; the longest one in the window, as a share of it
+LONGEST_STEP, SHORTEST_STEP = 0.1, 1e-7  # along a curve
+FINE_STEP = 0.01  # of the window, the longest step in it
 BEND = 0.995  # cosine of the angle between two steps
 SAME_CURVE = 5e-3  # from a curve, within which a root lies on it
 DIFFERENCE = 1e-6  # in log U and log w, for slopes
@@ -224,9 +225,9 @@ def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -
     for direction in (tangent, -tangent):
         x = start
         t = direction
-        step = FINE
+        step = FINE_STEP
         place = _window(plane, *_values(plane, start)[:2])
-        while step > SHORTEST and np.all((low <= x[::2]) & (x[::2] <= high)):
+        while step > SHORTEST_STEP and np.all((low <= x[::2]) & (x[::2] <= high)):
             returns = np.linalg.norm(start - x) < step and t @ tangent > BEND
             if len(line) > 3 and returns:
                 return np.array([*line, start]).T
@@ -238,7 +239,7 @@ def _line(plane: Plane, start: Array, tangent: Array, low: Array, high: Array) -
             ahead = _window(plane, *_values(plane, point)[:2])
             outside = float(np.maximum(place - 1, -place).max())
             bends = abs(along @ t) < BEND
-            if bends or np.linalg.norm(ahead - place) > max(FINE, outside / 2):
+            if bends or np.linalg.norm(ahead - place) > max(FINE_STEP, outside / 2):
                 step /= 2
                 continue
             x = point

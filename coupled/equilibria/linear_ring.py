@@ -39,7 +39,7 @@ from .balance import balance
 from .linear_response import Linear
 from .steady_states import Resting, resting
 
-LIGHT = ("Re a", "Im a", "N")  # states of a ring
+LIGHT_STATES = ("Re a", "Im a", "N")  # states of a ring
 log = logging.getLogger("thermofem")
 
 
@@ -128,17 +128,19 @@ def linearize(
     state = _picked(points.states, "branch", branch)
     problem, y, heat = _of_ring(ring, points, branch)
     amplitude = np.sqrt(points.states.attrs["input_power"])
-    buses = 2 * np.array([[ring.drop_bus_rate], [ring.bus_rate]])
+    into_drop = np.sqrt(2 * ring.drop_bus_rate)
+    into_bus = np.sqrt(2 * ring.bus_rate)
     optics = Optics(
         shift=np.array([ring.thermal_shift]),
         fields=_fields(y, 1),
         waves=np.array([amplitude + 0j]),
-        entry=np.array([[np.sqrt(2 * ring.bus_rate) + 0j]]),
-        seen_ring=1j * np.sqrt(buses),
+        entry=np.array([[into_bus + 0j]]),
+        seen_ring=1j * np.array([[into_drop], [into_bus]]),
         seen_laser=np.array([[0j], [1 + 0j]]),
     )
     names = Names(["power"], ["heat"], ["drop", "through"])
-    return _assembled(_jacobian(problem, y), optics, heat, names, state)
+    A = _jacobian(problem, y)
+    return _assembled(A, optics, heat, names, state)
 
 
 def _of_ring(ring: RingResonator, points: Resting, branch: int) -> tuple[Problem, Array, Heat]:
@@ -328,7 +330,7 @@ def _assembled(A: Array, optics: Optics, heat: Heat, names: Names, state: xr.Dat
     if heat.forces is not None:
         forces = np.vstack([np.zeros((3 * R, heat.forces.shape[1])), heat.forces])
     rings = [name.removeprefix("heat").strip() for name in names.heats]
-    light = [f"{part} {ring}".strip() for ring in rings for part in LIGHT]
+    light = [f"{part} {ring}".strip() for ring in rings for part in LIGHT_STATES]
     states = (*light, *(f"heat {k + 1}" for k in range(len(A) - 3 * R)))
     shift = float(optics.shift[0] / (2 * np.pi))
     return Linear(A, B, C, D, inputs, outputs, states, state, forces, shift)

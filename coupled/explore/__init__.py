@@ -120,51 +120,63 @@ def explore(
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     if heat is not None:
         checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
-    order = getattr(models, "order", None)
-    alone = f"{type(models).__name__}{f', {order} poles' if order else ''}"
-    given: Mapping[str, Any] = {} if models is None else models if isinstance(models, Mapping) else {alone: models}
+    named: Mapping[str, Any] = {}
+    if isinstance(models, Mapping):
+        named = models
+    elif models is not None:
+        order = getattr(models, "order", None)
+        named = {f"{type(models).__name__}{f', {order} poles' if order else ''}": models}
     check_ring(ring)
     parts = contents.Parts(heated, read, ring.read)
-    own = [] if models is None else contents.models_of(given, parts)
-    every = [*given.values()] if family is None else [family, *given.values()]
+    shown = [] if models is None else contents.models_of(named, parts)
+    every = [*named.values()] if family is None else [family, *named.values()]
     check_geometry(ring, every[0] if heat is None else heat)
     compacts = [contents.channels_of(_middle(model) if model is family else model, parts).model for model in every]
     for model, small in zip(every, compacts, strict=True):
         check_read(
             ring, geometry_of(model), *small.inputs, *small.outputs, mode=mode_of(model), chosen=read is not None
         )
-    names = [model["name"] for model in own]
-    reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
-    rings = contents.rings_of(ring, abs(sum(own[0]["R"])) if own else contents.RESISTANCE, compacts[0])
-    low, high = rings[0]["window"]["power"]
+    reductions = [k for k, model in enumerate(named.values()) if hasattr(model, "basis")]
+    judge = reductions[0] if reductions else None
+    resistance = abs(sum(shown[0]["R"])) if shown else contents.RESISTANCE
+    rings = contents.rings_of(ring, resistance, compacts[0])
+    window = rings[0]["window"]
+    low, high = window["power"]
     level = min(max(8.0, low), high) if power is None else 10 * math.log10(check_power(power) / 1e-3)
     start = {
         "ring": 0, "model": 0, "power": round(level, 6), "detuning": round(detuning / 1e9, 9),
         **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",
     }  # fmt: skip
-    sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
+    sliders = contents.heaters_of(shown, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
-    grid = None if family is None else family_of(family, contents.channels_of(_middle(family), parts).model.outputs[0])
-    if grid:
+    grid = None
+    borders: list[Any] = []
+    if family is None:
+        borders = contents.curves_of(ring, compacts[0], window)
+    else:
+        grid = family_of(family, compacts[0].outputs[0])
         moved = [p for p in grid["parameters"] if p["moved"]]
         start |= {f"p{k}": p["scale"] * (p["low"] + p["high"]) / 2 for k, p in enumerate(moved)}
-        own.append({"name": "member of the family", "R": grid["R"][0], "tau": grid["tau"], "coefficient": 0.0, "family": True})  # fmt: skip  # noqa: E501
-        start["model"] = len(own) - 1
-    everything = own + contents.paper_models()
-    found = dict(zip(names, given.values(), strict=True)).get(reduction) if reduction else None
-    first = contents.channels_of(next(iter(given.values())), parts).model if given and start["model"] == 0 else None
+        member = {"name": "member of the family", "R": grid["R"][0], "tau": grid["tau"]}
+        shown.append(member | {"coefficient": 0.0, "family": True})
+        start["model"] = len(shown) - 1
+        judge = start["model"] if judge is None else judge
+    section = None
+    if heat is not None and reductions:
+        section = section_of(heat, [*named.values()][reductions[0]], parts)
+    everything = shown + contents.paper_models()
     data = {
         "title": rings[0]["name"],
         "rings": rings,
         "models": everything,
-        "judge": names.index(reduction) if reduction else len(own) - 1 if grid else None,
+        "judge": judge,
         "heaters": sliders,
         "start": start,
         "presets": contents.presets(rings, everything, start),
         "kernel": bundle.kernel(),
         "reference": None if heat is None else _step(heat, parts),
-        "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
-        "borders": contents.curves_of(ring, first, rings[0]["window"]) if first is not None else [],
+        "section": section,
+        "borders": borders,
         "family": grid,
     }
     text = _filled(data)
@@ -195,8 +207,9 @@ def _step(heat: HeatProblem, parts: contents.Parts) -> dict[str, Any]:
 
     heated = parts.heated or heat.heated[0]
     read = parts.read or detuning_output(parts.wanted, heated, heat.system.outputs)
-    found = solve(heat, Constant(1e-3), times=STEP_TIMES, heated=heated, read=read, rtol=1e-4)
-    return {"name": f"FEM, {heat.unknowns} unknowns", "times": STEP_TIMES.tolist(), "rise": (found["delta_T"].values.ravel() / 1e-3).tolist()}  # fmt: skip  # noqa: E501
+    answer = solve(heat, Constant(1e-3), times=STEP_TIMES, heated=heated, read=read, rtol=1e-4)
+    rise = answer["delta_T"].values.ravel() / 1e-3
+    return {"name": f"FEM, {heat.unknowns} unknowns", "times": STEP_TIMES.tolist(), "rise": rise.tolist()}
 
 
 def _filled(data: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
 """Content of the page: rings, thermal models, families of geometries, presets, as JSON of plain numbers in SI."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import product
 from typing import Any, NamedTuple
@@ -107,15 +107,30 @@ OF_MAPS: Window = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # the maps 
 OF_SMALL: Window = {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}
 RESISTANCE = 8e3  # K/W of the strips of the papers
 LABELS = ("name", "window", "python", "internal", "index_rate")  # of a ring on the page; all else is its own numbers
-LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
-HEATERS = 3
+MOST_PAGE_POLES = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
+MOST_HEATERS = 3
 TRAINED_LAW = "second order, experiment (Borghi 2021)"
 NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
 SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
-LUMPED = parameters.borghi2021().with_lumped_fcd()
+BORGHI = parameters.borghi2021()
+LUMPED = BORGHI.with_lumped_fcd()
+# name, ring, thermal law, what the page shows first, and text of a preset
+PRESETS: list[tuple[str, RingResonator, str, dict[str, Any], str]] = [
+    ("Borghi 2021: self-pulsing at 8 dBm, 0 GHz", BORGHI, TRAINED_LAW, {"power": 8.0, "detuning": 0.0},
+     "Second-order heat as trained on measured traces: a fast and a slow time constant."),
+    ("Borghi 2021: short pulses at 10 dBm, 20 GHz", BORGHI, TRAINED_LAW, {"power": 10.0, "detuning": 20.0},
+     "On the blue side the pulses are rare and short."),
+    ("Borghi 2021: bistable at 7 dBm, -28 GHz", BORGHI, TRAINED_LAW, {"power": 7.0, "detuning": -28.0, "view": "cold"},
+     "Three fixed points: one stable, a saddle, an unstable focus. From cold the ring stays on the first."),
+    ("Borghi 2021: Newton's law at 7 dBm, -10 GHz", LUMPED, NEWTON_LAW, {"power": 7.0, "detuning": -10.0},
+     "One time constant: the swing is three times that of the second-order law, and the duty far too small."),
+    ("Van Vaerenbergh 2012: pulsing all-pass ring", parameters.vanvaerenbergh2012(), SMALL_LAW,
+     {"power": -2.2185, "detuning": -7.0},
+     "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of 79 ns. The paper's Fig. 3 is at -7.7 GHz."),
+]  # fmt: skip
 # windows of planes that the papers show; another published ring gets that of `window_of`
 SHOWN = {"borghi2021": OF_MAPS, "borghi2021-lumped": OF_MAPS, "vanvaerenbergh2012": OF_SMALL}
-SERIES = 6  # models that a figure can tell apart by colour
+MOST_MODELS = 6  # models that a figure can tell apart by colour
 
 
 class Parts(NamedTuple):
@@ -154,9 +169,9 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
             "give a linear reduction (surrogate.reduce) or surrogate.output_map"
         )
     linear = small.linear
-    if linear.order > LARGEST:
+    if linear.order > MOST_PAGE_POLES:
         raise InputError(
-            f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
+            f"model {name!r} has {linear.order} poles, at most {MOST_PAGE_POLES} run in the page; "
             "reduce it first (surrogate.reduce)"
         )
     data: dict[str, Any] = {}
@@ -172,8 +187,8 @@ def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, 
 
 def models_of(models: Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
     """Return the given thermal models, 1 to 6, as JSON data of the page, each with its name."""
-    if not 1 <= len(models) <= SERIES:
-        raise InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
+    if not 1 <= len(models) <= MOST_MODELS:
+        raise InputError(f"models has {len(models)} entries; give 1 to {MOST_MODELS}, by name")
     for word, given, ports in (("heated", parts.heated, "inputs"), ("read", parts.read, "outputs")):
         known = {str(one) for model in models.values() for one in getattr(bare(model), ports, ("core",))}
         if given is not None:
@@ -190,8 +205,8 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
     for model in models:
         for name, R in model.get("heaters", {}).items():
             resistances[name] = max(resistances.get(name, 0.0), abs(sum(R)))
-    if len(resistances) > HEATERS:
-        rule = f"at most {HEATERS} fit in the page; reduce fewer inputs"
+    if len(resistances) > MOST_HEATERS:
+        rule = f"at most {MOST_HEATERS} fit in the page; reduce fewer inputs"
         raise InputError(f"the models have the heaters {', '.join(resistances)}; {rule}")
     low, high = ring["window"]["detuning"]
     twice = 2 * (high - low) * 1e9 * 2 * math.pi  # rad/s
@@ -221,28 +236,12 @@ def place_of_law(name: str, models: list[dict[str, Any]]) -> int:
 def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the presets of the page, each with name, state and text: the given ring, and points of two papers."""
 
-    def at(ring: RingResonator, law: str) -> dict[str, int]:
-        return {"ring": place_of(ring, rings), "model": place_of_law(law, models)}
-
-    own = {"ring": 0, "model": start["model"]}
-    paper = at(parameters.borghi2021(), TRAINED_LAW)
-    lumped = at(LUMPED, NEWTON_LAW)
-    small = at(parameters.vanvaerenbergh2012(), SMALL_LAW)
-    cold = {"view": "cold"}
-    rows: Iterable[tuple[str, dict[str, Any], str]] = [
-        ("This ring, as the file was written", own | start, ""),
-        ("Borghi 2021: self-pulsing at 8 dBm, 0 GHz", paper | {"power": 8.0, "detuning": 0.0},
-         "Second-order heat as trained on measured traces: a fast and a slow time constant."),
-        ("Borghi 2021: short pulses at 10 dBm, 20 GHz", paper | {"power": 10.0, "detuning": 20.0},
-         "On the blue side the pulses are rare and short."),
-        ("Borghi 2021: bistable at 7 dBm, -28 GHz", paper | {"power": 7.0, "detuning": -28.0} | cold,
-         "Three fixed points: one stable, a saddle, an unstable focus. From cold the ring stays on the first."),
-        ("Borghi 2021: Newton's law at 7 dBm, -10 GHz", lumped | {"power": 7.0, "detuning": -10.0},
-         "One time constant: the swing is three times that of the second-order law, and the duty far too small."),
-        ("Van Vaerenbergh 2012: pulsing all-pass ring", small | {"power": -2.2185, "detuning": -7.0},
-         "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of 79 ns. The paper's Fig. 3 is at -7.7 GHz."),
-    ]  # fmt: skip
-    return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]
+    own = {"name": "This ring, as the file was written", "state": start, "text": ""}
+    shown = [own]
+    for name, ring, law, state, text in PRESETS:
+        where = {"ring": place_of(ring, rings), "model": place_of_law(law, models)}
+        shown.append({"name": name, "state": start | where | state, "text": text})
+    return shown
 
 
 def curves_of(ring: RingResonator, model: Compact, window: Window) -> list[list[list[float]]]:

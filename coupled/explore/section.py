@@ -30,13 +30,18 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     parts: input of the light and output; every other input h is a heater with the steady field rest_h at 1 W.
     """
     R, tau, modes, heaters = _fields(reduction, parts)
-    largest = np.sort(np.argsort(-R)[:MODES])
+    order = np.argsort(-R)
+    largest = np.sort(order[:MODES])
     r, z = _window(heat)
-    grid = np.stack(np.meshgrid(_centres(r, WIDTH), _centres(z, HEIGHT)), axis=-1)
-    fields = heat.field(np.concatenate([modes[largest], *heaters.values()]))
-    between = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)
-    pictures = between(grid) * _within(heat, grid)[..., None]
+    columns, rows = np.meshgrid(_centres(r, WIDTH), _centres(z, HEIGHT))
+    pixels = np.stack([columns, rows], axis=-1)
+    states = np.concatenate([modes[largest], *heaters.values()])
+    fields = heat.field(states)
+    interpolated = LinearNDInterpolator(heat.mesh.points, fields.T, fill_value=0.0)
+    pictures = interpolated(pixels) * _within(heat, pixels)[..., None]
     images = [_packed(image) for image in np.moveaxis(pictures, -1, 0)]
+    of_modes = images[: largest.size]
+    of_heaters = images[largest.size :]
     return {
         "width": WIDTH,
         "height": HEIGHT,
@@ -45,8 +50,8 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
         "outlines": _outlines(heat),
         "R": R[largest].tolist(),
         "tau": tau[largest].tolist(),
-        "modes": images[: largest.size],
-        "heaters": dict(zip(heaters, images[largest.size :], strict=True)),
+        "modes": of_modes,
+        "heaters": dict(zip(heaters, of_heaters, strict=True)),
     }
 
 

@@ -36,7 +36,7 @@ RING_USAGE = (
     "set .options method=trap reltol=1e-4 trtol=1 and a largest step of 1/400 of the period: periods within 3e-4;",
     "with reltol=1e-6 within 1e-4. Begin cold with PULSE(0 ...): a source that is on at t = 0 begins at a fixed point",
 )
-LIGHT = "in_re in_im add_re add_im through_re through_im drop_re drop_im detuning"  # pins of a ring
+LIGHT_PINS = "in_re in_im add_re add_im through_re through_im drop_re drop_im detuning"  # pins of a ring
 
 # names of nodes and subcircuits that ngspice takes for the ground, the temperature or the kind of a source
 
@@ -65,7 +65,7 @@ def heated_by_light(light: str, mark: str, heated: str, read: str) -> list[str]:
 
 
 def light_subcircuit(name: str, ring: RingPorts) -> list[str]:
-    """Subcircuit of light and carriers, as in `kernel.rates`, with the pins `LIGHT`, heat and ambient."""
+    """Subcircuit of light and carriers, as in `kernel.rates`, with the pins `LIGHT_PINS`, heat and ambient."""
     r = ring.rates
     square = f"(V(n)*V(n)+{EPSILON**2!r})"
     dispersion = "".join(
@@ -73,7 +73,7 @@ def light_subcircuit(name: str, ring: RingPorts) -> list[str]:
     )
     recombination = f"{(r.b - r.a) / r.tau0!r}*V(n)*V(n)/(1+{r.a!r}*V(n))"  # besides n/tau0, which is Rn
     return [
-        f".subckt {name} {LIGHT} heat ambient",
+        f".subckt {name} {LIGHT_PINS} heat ambient",
         "* field a: 1 V = 1 sqrt(fJ); carriers n: 1 V = 1e23/m^3; u: energy in fJ; d: rad/ns; g: 1/ns",
         *("Car ar 0 1n", "Cai ai 0 1n", "Cn n 0 1n"),
         *(f"Rar ar 0 {1 / r.loss!r}", f"Rai ai 0 {1 / r.loss!r}", f"Rn n 0 {r.tau0!r}"),
@@ -214,7 +214,8 @@ def _waves(circuit: Circuit, ports: list[str]) -> list[str]:
 
     Each entry of a ring or splitter is a pair of nodes e__k, each exit x__k; ``ports`` names the laser and detectors.
     """
-    laser, lines = circuit.lasers[0], []
+    laser = circuit.lasers[0]
+    lines: list[str] = []
     entry = {terminal: f"e__{k}" for k, terminal in enumerate(circuit.entries)}
     exit = {terminal: f"x__{k}" for k, terminal in enumerate(circuit.exits)}
     for k, splitter in enumerate(circuit.splitters, len(circuit.names)):
@@ -227,7 +228,8 @@ def _waves(circuit: Circuit, ports: list[str]) -> list[str]:
             lines.append(f"B{out}_im {out}_im 0 V = {straight!r}*V({own}_im)+{cross!r}*V({other}_re)")
     lines += _rotated(entry[laser.stop], ports[0], laser.loss, repr(float(laser.phase)))
     for k, w in enumerate(circuit.waveguides):
-        start, angle = exit[w.start], repr(float(w.phase))
+        start = exit[w.start]
+        angle = repr(float(w.phase))
         if w.delay:
             for part in ("re", "im"):
                 lines.append(f"T{part}__{k} {start}_{part} 0 far__{k}_{part} 0 Z0=1 TD={w.delay!r}")
@@ -268,9 +270,9 @@ def write(ring: RingResonator | Circuit, model: ThermalModel, target: Target, ru
 def _netlist(name: str, ring: RingResonator, model: ThermalModel, target: Target, run: Demonstration | None) -> Netlist:
     """Netlist of one ring with its heat."""
     ports = ring_ports(ring)
-    net, read = ring_network(model, ring.read, taken=(*WORDS, *LIGHT.split()))
+    net, read = ring_network(model, ring.read, taken=(*WORDS, *LIGHT_PINS.split()))
     others = [pin for pin in net.pins if pin != "heat"]
-    pins = " ".join([LIGHT, "heat", *others])
+    pins = " ".join([LIGHT_PINS, "heat", *others])
     noise = NOISE if net.shares is None else ()
     usage = f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient"
     lines = [*RING_USAGE, *noise, usage, f"ring: {ring.name}", ""]
@@ -280,13 +282,13 @@ def _netlist(name: str, ring: RingResonator, model: ThermalModel, target: Target
         *heat_subcircuit(f"{name}_heat", net),
         "",
         f".subckt {name} {pins} ambient",
-        *heated_by_light(f"Xlight {LIGHT} {{}} ambient {name}_light", "", "heat", read),
+        *heated_by_light(f"Xlight {LIGHT_PINS} {{}} ambient {name}_light", "", "heat", read),
         f"Xheat {' '.join(net.pins)} ambient {name}_heat",
         f".ends {name}",
     ]
     demonstration = ""
     if run is not None:
         outputs = {ports.output_port: ports.output_port}
-        dark = f"X1 in_re in_im 0 0 {LIGHT.split(' ', 4)[4]} {' '.join(['heat', *others])} 0 {name}"
+        dark = f"X1 in_re in_im 0 0 {LIGHT_PINS.split(' ', 4)[4]} {' '.join(['heat', *others])} 0 {name}"
         demonstration = deck(target.path, run, run.largest_step(ports.rates), [dark], "in", outputs)
     return Netlist([*lines, *target.header], body, demonstration)

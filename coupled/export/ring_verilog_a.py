@@ -18,7 +18,7 @@ from ..kernel.rates import EPSILON
 from ..resonator import RingResonator
 from .ring_ports import Demonstration, RingPorts, ring_network, ring_ports
 
-LIGHT = ("in_re", "in_im", "add_re", "add_im", "through_re", "through_im", "drop_re", "drop_im", "detuning")
+LIGHT_PINS = ("in_re", "in_im", "add_re", "add_im", "through_re", "through_im", "drop_re", "drop_im", "detuning")
 NAMES = ("ar", "ai", "n", "u", "d", "g", "a_re", "a_im", "carriers", "lit")  # of a ring's module
 RING_USAGE = (
     "Verilog-A module of a ring, for VACASK and other simulators with OpenVAF",
@@ -62,35 +62,38 @@ enddiscipline
 def write(ring: RingResonator, model: ThermalModel, target: Target, run: Demonstration | None) -> Path:
     """Write the module named after the file, and a netlist of VACASK beside it; see `coupled.export_ring`."""
     name = identifiers([target.path.stem], taken=KEYWORDS)[0]
-    net, read = ring_network(model, ring.read, taken=(*KEYWORDS, *LIGHT, *NAMES, name))
+    net, read = ring_network(model, ring.read, taken=(*KEYWORDS, *LIGHT_PINS, *NAMES, name))
     ports = ring_ports(ring)
     heat = heat_statements(net)
-    listed = ", ".join([*LIGHT, *net.pins, "ambient"])
+    electrical = ", ".join(LIGHT_PINS)
+    thermal = ", ".join([*net.pins, "ambient"])
+    body = [f"    {line}" for line in [*_light(ports, read), *heat.analog]]
     module = [
         '`include "disciplines.vams"',
         *DISCIPLINES,
         "",
-        f"module {name}({listed});",
-        f"  inout {listed};",
-        f"  electrical {', '.join(LIGHT)};",
-        f"  thermal {', '.join([*net.pins, 'ambient'])};",
+        f"module {name}({electrical}, {thermal});",
+        f"  inout {electrical}, {thermal};",
+        f"  electrical {electrical};",
+        f"  thermal {thermal};",
         *(f"  {line}" for line in heat.declarations),
         "  lightfield a_re, a_im;",
         "  carrierdensity carriers;",
         "  branch (heat, ambient) lit;",
         "  real ar, ai, n, u, d, g;",
         "  analog begin",
-        *(f"    {line}" for line in [*_light(ports, read), *heat.analog]),
+        *body,
         "  end",
         "endmodule",
     ]
-    lines = [*RING_USAGE, f"ring: {ring.name}", "", *target.header]
+    header = comment([*RING_USAGE, f"ring: {ring.name}", "", *target.header], "//")
+    text = "\n".join([header, *module, ""])
     deck = ""
     if run is not None:
         wires = {"in_re": "re", "in_im": "im", "add_re": "0", "add_im": "0"}
-        pins = [wires.get(pin, pin) for pin in (*LIGHT, *net.pins)]
+        pins = [wires.get(pin, pin) for pin in (*LIGHT_PINS, *net.pins)]
         deck = _netlist(name, target.path, run, ports, pins)
-    return write_texts(target.path, comment(lines, "//") + "\n" + "\n".join(module) + "\n", deck, ".sim")
+    return write_texts(target.path, text, deck, ".sim")
 
 
 def _light(ring: RingPorts, read: str) -> list[str]:

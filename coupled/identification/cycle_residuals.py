@@ -20,7 +20,7 @@ from .box_search import Residuals, at_bound
 from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
 
 EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and second half, or
-MOST_SAMPLES = 50_000  # so many samples in a half
+MOST_RUN_SAMPLES = 50_000  # so many samples in a half
 RTOL = 1e-5
 HIDDEN = 0.06  # of the mean: a swing that the noise of a trace at rest may hide
 RESTS = 3.0  # periods of the trace: the period that a model at rest counts as
@@ -51,8 +51,8 @@ def free_run(ring: RingResonator, model: Compact, target: Target) -> tuple[xr.Da
     """Simulate the model under the drive of a trace: the run, and its mean cycle in the part that is compared."""
     begin, end = target.window(model)
     middle = (begin + end) / 2
-    early = max(EARLY, middle / MOST_SAMPLES)
-    late = max(LATE, (end - middle) / MOST_SAMPLES)
+    early = max(EARLY, middle / MOST_RUN_SAMPLES)
+    late = max(LATE, (end - middle) / MOST_RUN_SAMPLES)
     times = np.concatenate([np.arange(0.0, middle, early), np.arange(middle + late, end, late)])
     run = simulate(
         as_read(ring, model), without_origin(model), power=target.power, detuning=target.detuning, duration=end,

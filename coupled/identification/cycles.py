@@ -129,14 +129,14 @@ def fourier_fit(t: Array, drop: Array, T: float, K: int) -> FourierFit:
 
 FEWEST_SAMPLES = 64  # samples of a trace
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
-GRID = 32_768  # samples to which an unevenly sampled trace is interpolated
+EVEN_SAMPLES = 32_768  # samples to which an unevenly sampled trace is interpolated
 ROUNDS = 3  # corrections of the period
 BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
 LONGEST_RUN = 40e-6  # s simulated for a trace that is longer, or
 SETTLED_CONSTANTS = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
-MOST_SAMPLES = 50_000  # samples of a simulated trace
+MOST_TRACE_SAMPLES = 50_000  # samples of a simulated trace
 STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
@@ -160,7 +160,7 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     steps = np.diff(t[late])
     if late.sum() >= FEWEST_SAMPLES and np.ptp(steps) <= 1e-3 * steps.mean():
         return t[late], drop[late]
-    grid = np.linspace(begin, t[-1], GRID)
+    grid = np.linspace(begin, t[-1], EVEN_SAMPLES)
     return grid, np.interp(grid, t, drop)
 
 
@@ -336,7 +336,7 @@ class Target:
     def forced(self) -> Forced:
         """The trace resampled at equal time steps, for `forced_filters`."""
         length = float(self.times[-1] - self.times[0])
-        n = min(MOST_SAMPLES, 1 + round(length / self.sampling_step))
+        n = min(MOST_TRACE_SAMPLES, 1 + round(length / self.sampling_step))
         times = np.linspace(self.times[0], self.times[-1], n)
         drop = np.interp(times, self.times, self.drop)
         return Forced(length / (n - 1), drop, self.power, self.detuning, self.cold, self.absolute)
@@ -369,7 +369,7 @@ class Target:
     def _late_samples(self) -> tuple[Array, Array]:
         """Times (s) from the first one on and drop power of the second half; samples of long traces are averaged."""
         late = self.times >= (self.times[0] + self.times[-1]) / 2
-        every = -(-int(late.sum()) // MOST_SAMPLES)
+        every = -(-int(late.sum()) // MOST_TRACE_SAMPLES)
         kept = late.sum() // every * every
         t = self.times[late][:kept].reshape(-1, every).mean(axis=1)
         drop = self.drop[late][:kept].reshape(-1, every).mean(axis=1)

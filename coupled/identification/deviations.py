@@ -15,7 +15,7 @@ from ..unknowns import Unknowns, varied
 from .box_search import End, Prior, at_bound, central_slopes, least_squares
 from .cycle_residuals import SOFT, STAGES, Stage, residuals
 from .cycles import Target
-from .held_numbers import SHARE, held_numbers, moved_minimum
+from .held_numbers import HELD_STEP, held_numbers, moved_minimum
 
 WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
 UNKNOWN = 1.0  # deviations of a logarithm, given as inf
@@ -195,9 +195,9 @@ def _change(
     what: Unknowns, targets: list[Target], stage: Stage, x: Array, own: Array, name: str, value: float
 ) -> Array | None:
     """dr/d ln p of a held number by a forward difference; None where the model is not defined."""
-    other = replace(what, ring=varied(what.ring, {name: value * (1 + SHARE)}))
+    other = replace(what, ring=varied(what.ring, {name: value * (1 + HELD_STEP)}))
     moved = residuals(other, targets, stage)(x)
-    return None if moved is None else (moved - own) / SHARE
+    return None if moved is None else (moved - own) / HELD_STEP
 
 
 def _variance_by_noise(slope: Array, relative: Array, free: NDArray[np.intp], C: Array) -> float:

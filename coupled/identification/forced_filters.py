@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 SCREENED, REFINED = 1024, 8  # points of the box, least squares from the best of them
 COARSE, FINE = 10, 2  # one sample of so many is compared, in the search of the box and in the refinement
-PASSES = 3  # of Newton's method for carriers whose lifetime depends on their density: 1e-4 is left
+NEWTON_PASSES = 3  # of Newton's method for carriers whose lifetime depends on their density: 1e-4 is left
 DISTINCT = 0.05  # of a logarithm: results that differ by less are one
 SCALE = (0.15, 1.1)  # the largest drop over that of the cold ring on resonance: pulses reach .15 to 1.1 (measured)
 BIAS, INFLATED = 0.03, 15.0  # of logarithms, and of its own deviations: how far off a forced fit may be (measured)
@@ -134,7 +134,7 @@ def _carriers(source: Array, step: float, rates: Rates, cold: bool) -> Array:
     start = 0.0 if cold else max(float(source.mean() / slowest), 0.0)
     N = np.maximum(_filtered(source, step, 1.0, float(slowest), start), 0.0)
     band = np.ones((2, N.size))
-    for _ in range(PASSES):
+    for _ in range(NEWTON_PASSES):
         lost, slope = recombination(N, rates)
         if np.ptp(slope) == 0:  # linear: solved
             break

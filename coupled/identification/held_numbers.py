@@ -20,7 +20,7 @@ from ..resonator import RingResonator
 from ..unknowns import COMPUTED, fitted_names, number_of
 
 WEAK = 0.02  # slope of a parameter, below which a held number does not matter
-SHARE = 5e-3  # of a held number, by which it is moved for a derivative
+HELD_STEP = 5e-3  # of a held number, by which it is moved for a derivative
 IGNORED = {"lumped_fcd", *COMPUTED}  # the lumped term is one of ``fcd``; the others are computed from fields
 
 

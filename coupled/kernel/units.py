@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -114,6 +114,11 @@ def units(order: int, rings: int = 1) -> Array:
     light_and_carriers = np.tile([FJ**0.5, FJ**0.5, DENSITY], rings)
     heat = np.ones(rings * order)
     return np.concatenate([light_and_carriers, heat])
+
+
+def in_seconds(progress: Callable[[float], None] | None) -> Callable[[float], None] | None:
+    """Return the same report of progress for a time in ns."""
+    return progress and (lambda t: progress(t * NS))
 
 
 def in_si(rings: Rings, rows: Array) -> tuple[Complex, Array, Array, Array]:

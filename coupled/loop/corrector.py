@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PERIODS = 6  # of the FEM alone, at most
-KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
-SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
+INITIAL_KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
+STEP_SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
 
 class Corrector(Protocol):
@@ -118,7 +118,7 @@ class FEM:
         self.field = FieldIntegrator(
             system,
             self.basis,
-            tolerance=SHARE * max_discrepancy,
+            tolerance=STEP_SHARE * max_discrepancy,
             ledger=self.problem.ledger if self.problem else None,
             direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
             factors=self.problem.discretization.factors if self.problem else None,
@@ -276,19 +276,21 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
             )
         return Beginning(State.cold(model.order), 0.0)
     if "pulses" in initial.attrs:
-        initial = contents("initial", initial, ("absorbed", "time"), what=KINDS)
+        initial = contents("initial", initial, ("absorbed", "time"), what=INITIAL_KINDS)
         light, states = np.split(State.end_of(initial).as_array(), [3])
         corrector.begin(_lifted(initial, corrector))
     else:
-        field = contents("initial", initial, ("final_rise",), what=KINDS)["final_rise"].values
-        light, states = checks.array("initial.attrs['final_light']", initial.attrs["final_light"]), None
-        own = corrector.problem.mesh if corrector.problem is not None else None
-        known = initial.attrs.get("mesh_hash")
-        if field.shape != (corrector.linear.order,) or (own is not None and known not in (None, mesh_hash(own))):
+        field = contents("initial", initial, ("final_rise",), what=INITIAL_KINDS)["final_rise"].values
+        light = checks.array("initial.attrs['final_light']", initial.attrs["final_light"])
+        states = None
+        mesh = corrector.problem.mesh if corrector.problem is not None else None
+        stated_mesh = initial.attrs.get("mesh_hash")
+        same_mesh = mesh is None or stated_mesh in (None, mesh_hash(mesh))
+        if field.shape != (corrector.linear.order,) or not same_mesh:
             raise InputError("initial was made on another mesh; go on with the same")
         corrector.begin(field)
-    at = State(complex(light[0], light[1]), max(float(light[2]), 0.0), _predicted(corrector, model, states))
-    return Beginning(at, corrector.rise)
+    begin = State.from_array(np.append(light, _predicted(corrector, model, states)))
+    return Beginning(begin, corrector.rise)
 
 
 def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:

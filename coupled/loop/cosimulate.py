@@ -113,18 +113,18 @@ def cosimulate(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    kept = checks.array("field_times", field_times, increasing=True, empty=True)
-    for time in kept[[0, -1]] if kept.size else ():
+    field_moments = checks.array("field_times", field_times, increasing=True, empty=True)
+    for time in field_moments[[0, -1]] if field_moments.size else ():
         checks.between("field_times", time, 0, duration, unit="s", hint="they lie between 0 and the duration")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
-        known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
+        drives = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         read = _read_output(ring, heat)
         drive = {"power": power, "detuning": detuning, "duration": duration, "rtol": rtol}
-        electric = _electric(ring, heat, known, initial, read, drive)
-        powers = known if electric is None else electric[1]
-        known = {name: _over(name, power, duration) for name, power in powers.items()}
+        electric = _electric(ring, heat, drives, initial, read, drive)
+        powers = drives if electric is None else electric[1]
+        drives = {name: _over(name, power, duration) for name, power in powers.items()}
         corrector: Any = FEM(
-            heat, read=read, heaters=known, max_discrepancy=max_discrepancy, field_times=kept
+            heat, read=read, heaters=drives, max_discrepancy=max_discrepancy, field_times=field_moments
         )  # fmt: skip
     elif heaters or np.size(field_times):
         raise InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")

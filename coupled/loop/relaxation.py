@@ -167,9 +167,9 @@ class Relaxation:
             moved = float(np.abs(CubicSpline(run.time, rise)(again.time) - again.delta_T).max())
             enough = moved <= close or not moved < last / 2
             if discrepancy <= self.max_discrepancy and (enough or revise is None):
-                seen = float(offset(span[1])) if callable(offset) else float(offset)
-                rest = seen + float(rise[-1] - run.delta_T[-1])
-                return Passed(run, rise, passes, discrepancy, moved, rest), after, again
+                last_offset = float(offset(span[1])) if callable(offset) else float(offset)
+                remaining = last_offset + float(rise[-1] - run.delta_T[-1])
+                return Passed(run, rise, passes, discrepancy, moved, remaining), after, again
             if revise is None or enough or missed * moved > KNOTS * self.max_discrepancy:
                 return None, after, again
             run, offset = again, after

@@ -69,23 +69,27 @@ def grid_of(
     """
     check_ring(ring)
     laser = {"power": check_axis("powers", powers), "detuning": check_axis("detunings", detunings)}
-    own: dict[str, Array] = {}
+    of_ring: dict[str, Array] = {}
     for name, values in checks.mapping("vary", vary, hint='such as {"bus_rate": [3e10, 4e10]}').items():
         checks.choice("a name in vary", name, optical_names(ring))
-        own[name] = checks.array(f"vary[{name!r}]", values, increasing=True)
-    axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
+        of_ring[name] = checks.array(f"vary[{name!r}]", values, increasing=True)
+    axes = of_ring | {name: axis for name, axis in laser.items() if axis.size > 1 or not of_ring}
     if len(axes) != 2:
         raise InputError(f"the map has the axes {', '.join(axes)}; it needs two: give the others as one number each")
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
-    (first, one), (second, other) = axes.items()
-    checks.integer("number of points of the map", one.size * other.size, 1, MOST_POINTS)
+    first, second = axes
+    outer, inner = axes.values()
+    checks.integer("number of points of the map", outer.size * inner.size, 1, MOST_POINTS)
 
     def point(a: float, b: float) -> Point:
-        at = fixed | {first: a, second: b}
-        changed = varied(ring, {name: at[name] for name in own}) if own else ring
-        return changed, at["power"], at["detuning"]
+        values = fixed | {first: a, second: b}
+        changed = varied(ring, {name: values[name] for name in of_ring}) if of_ring else ring
+        return changed, values["power"], values["detuning"]
 
-    return Grid((first, second), (one, other), [[point(a, b) for b in other.tolist()] for a in one.tolist()], fixed)
+    rows = []
+    for a in outer.tolist():
+        rows.append([point(a, b) for b in inner.tolist()])
+    return Grid((first, second), (outer, inner), rows, fixed)
 
 
 def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
@@ -96,19 +100,19 @@ def fixed_of(model: Compact, points: list[Point]) -> list[Fixed | str]:
         of_rings.setdefault(ring, []).append(k)
     groups = list(of_rings.values())
     for cells in groups:
-        ring, (powers, detunings) = points[cells[0]][0], np.array([points[k][1:] for k in cells]).T
+        ring = points[cells[0]][0]
+        powers, detunings = np.array([points[k][1:] for k in cells]).T
         pump = internal_pump(ring, 1.0) * np.sqrt(powers)
         shift = internal_detuning(1.0) * detunings
         try:
-            found: Sequence[Fixed | str] = survey(
-                pump, shift, internal_ring(ring, model, absorbable(ring, powers.max()))
-            )
+            internal = internal_ring(ring, model, absorbable(ring, powers.max()))
+            fixed: Sequence[Fixed | str] = survey(pump, shift, internal)
         except InputError as error:
             several = np.unique(powers)
             if several.size > 1:  # at the highest power, perhaps not at others
                 groups += [[k for k in cells if points[k][1] == power] for power in several]
                 continue
-            found = [str(error)] * len(cells)
-        for k, one in zip(cells, found, strict=True):
-            out[k] = one
+            fixed = [str(error)] * len(cells)
+        for k, fixed_points in zip(cells, fixed, strict=True):
+            out[k] = fixed_points
     return out

@@ -40,21 +40,23 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     found: from `identify`.
     axes: one for each trace; a new column of them by default.
     """
-    cycles, errors = found.cycles, found.residuals
-    n, given = cycles.sizes["trace"], str(cycles["drop"].attrs.get("units", "W"))
-    unit, label = (1e3, "drop power (mW)") if given == "W" else (1.0, f"drop signal ({given})")
-    column = np.atleast_1d(new_axes(axes, (WIDTH, 2.2 * n + 0.4), n, sharey=given == "W"))
+    cycles = found.cycles
+    errors = found.residuals
+    n = cycles.sizes["trace"]
+    signal_unit = str(cycles["drop"].attrs.get("units", "W"))
+    unit, label = (1e3, "drop power (mW)") if signal_unit == "W" else (1.0, f"drop signal ({signal_unit})")
+    column = np.atleast_1d(new_axes(axes, (WIDTH, 2.2 * n + 0.4), n, sharey=signal_unit == "W"))
     for k, ax in enumerate(column):
-        one = cycles.isel(trace=k)
-        at = errors.isel(trace=k)
-        first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
-        phase = one["phase"].values
-        measured = np.roll(one["drop"].values, -first) * unit
-        model = np.roll(one["drop_model"].values, -first) * unit
+        trace = cycles.isel(trace=k)
+        fit = errors.isel(trace=k)
+        first = int(trace["drop"].values.argmin())  # the cycle begins where the drop power is lowest
+        phase = trace["phase"].values
+        measured = np.roll(trace["drop"].values, -first) * unit
+        model = np.roll(trace["drop_model"].values, -first) * unit
         ax.plot(phase, measured, color=INK, linewidth=2.4, alpha=0.45, label="measured")
         ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
-        drive = f"{dbm(at['power'].values):.0f} dBm, {float(at['detuning']) * 1e-9:.0f} GHz"
-        periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
+        drive = f"{dbm(fit['power'].values):.0f} dBm, {float(fit['detuning']) * 1e-9:.0f} GHz"
+        periods = f"{float(fit['period']) * 1e9:.0f} ns, model {float(fit['period_model']) * 1e9:.0f} ns"
         ax.set_title(f"{drive}\n{periods}", fontsize="small")
         ax.set(xlabel="fraction of the period", xlim=(0, 1))
     column[0].set_ylabel(label)

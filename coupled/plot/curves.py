@@ -101,8 +101,8 @@ def plot_transmission(
     stable = np.insert(stable, ends, False)
     draw_stability(ax, x, y, stable, color=INK, labels=("stable", "unstable"))
     for (title, run), colour in zip(mapping("sweeps", sweeps).items(), cycle((LIGHT, HEAT, GREEN, PURPLE))):
-        at, seen = _swept(f"sweeps[{title!r}]", run, name, show)
-        ax.plot(at * scale, seen * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
+        swept, output = _swept(f"sweeps[{title!r}]", run, name, show)
+        ax.plot(swept * scale, output * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
     ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)
     ax.legend(frameon=False, fontsize="small")

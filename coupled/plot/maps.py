@@ -64,7 +64,7 @@ def plot_map(
     key: whether to draw the legend or the colour bar.
     Raises InputError: an unknown name, a curve of another kind, or curves over other axes than power and detuning.
     """
-    dims = [str(one) for one in data["regime"].dims]
+    dims = [str(dim) for dim in data["regime"].dims]
     data = contents("data", data, ("regime", *dims), what="a Dataset of coupled.pulsing_map or coupled.stability_map")
     hopf = curves_over(
         "hopf", hopf, ("power", "detuning", "leading", "lyapunov"), what="a Dataset of coupled.hopf_curves"
@@ -82,8 +82,9 @@ def plot_map(
     if show == "regime":
         _draw_regimes(data, ax, x, y)
         if key:
-            found = _regime_key([data])
-            ax.legend(list(found.values()), list(found), fontsize="small", loc="upper right", framealpha=0.9)
+            key_entries = _regime_key([data])
+            lines = list(key_entries.values())
+            ax.legend(lines, list(key_entries), fontsize="small", loc="upper right", framealpha=0.9)
     else:
         low, high = limits or (None, None)
         cells = ax.pcolormesh(x, y, _shown(data, show), cmap="viridis", vmin=low, vmax=high, rasterized=True)
@@ -93,7 +94,8 @@ def plot_map(
     for curve in hopf:
         nu = curve["detuning"].values * 1e-9
         power = dbm(curve["power"].values)
-        leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
+        leading = curve["leading"].values
+        hard = curve["lyapunov"].values > 0
         for name, part in (("supercritical", leading & ~hard), ("subcritical", leading & hard), ("", ~leading)):
             if part.any():
                 style = {"label": f"Hopf, {name}", **_LINES[f"Hopf, {name}"]} if name else _BEHIND

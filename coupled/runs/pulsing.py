@@ -25,7 +25,7 @@ from ..heaters import turned_by
 from ..inputs import LONGEST
 from ..resonator import RingResonator
 from ..thermal import as_read
-from .repetition import FAR, SETTLED, Train, alternate, amplitude_limit, doubled, goes_on, miss, tops_of, train_of
+from .repetition import FAR, SMALL_CHANGE, Train, alternate, amplitude_limit, doubled, goes_on, miss, tops_of, train_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -248,9 +248,9 @@ def lasting(stable: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | No
         which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
         duration = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
         return _slow(f"{stable.reason}, but {which} stable", duration, stable.swing, stable.cycles)
-    if off <= SETTLED:
+    if off <= SMALL_CHANGE:
         return stable
-    missing = np.log(off / (0.1 * SETTLED)) / -growth
+    missing = np.log(off / (0.1 * SMALL_CHANGE)) / -growth
     reason = f"{stable.reason}, but slow heat still moves the ring: {last_rise:.3g} K of {rest.delta_T[k]:.3g} K"
     return _slow(reason, passed + max(passed, missing), stable.swing, stable.cycles)
 
@@ -268,7 +268,7 @@ def warming(pulses: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
     rise = np.trapezoid(np.interp(last, t, dT), last)
     resistances = checks.array("run.attrs['model_R']", np.ravel(run.attrs["model_R"]))
     final = float(resistances.sum()) * absorbed
-    if not abs(rise - final) > SETTLED * final:
+    if not abs(rise - final) > SMALL_CHANGE * final:
         return pulses
     note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"
     return replace(pulses, reason=f"{pulses.reason}; {note}: limit_cycle has the settled one")
@@ -281,15 +281,20 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     ``every_step``: whether they are the accepted steps of an integration, which are as dense as the trace needs.
     """
     N, what = (N, "carriers") if N.any() else (drop, "photons")
-    swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
-    noise = min(max(QUIET, 10 * rtol), SETTLED)
+    middle = (t[0] + t[-1]) / 2
+    swing = float(np.ptp(dT[t >= middle]))
+    noise = min(max(QUIET, 10 * rtol), SMALL_CHANGE)
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
-        late = N[t >= t[-1] - share * (t[-1] - t[0])]
-        if np.ptp(late) <= noise * late.max():
+        begin = t[-1] - share * (t[-1] - t[0])
+        late = N[t >= begin]
+        low = late.min()
+        high = late.max()
+        if high - low <= noise * high:
             return Pulsing(Regime.STABLE, f"the {what} are constant over the last {share:.0%}", swing=swing)
-        rises = crossings(t, N, (late.min() + late.max()) / 2)
+        rises = crossings(t, N, (low + high) / 2)
         if goes_on(rises, t[-1]):
-            return _oscillating(train_of(t, N, rises, every_step), t, drop, dT, noise=noise, swing=swing)
+            train = train_of(t, N, rises, every_step)
+            return _oscillating(train, t, drop, dT, noise=noise, swing=swing)
     return _under_way(t, N, what, swing, max(rises.size - 1, 0))
 
 
@@ -377,7 +382,7 @@ def _until_settled(tops: Array, passed: float) -> float:
     steps = np.abs(np.diff(tops[-3:]))
     if steps.size < 2 or not 0 < steps[-1] < steps[0]:
         return LONGER * passed
-    missing = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300))
+    missing = np.log(0.1 * SMALL_CHANGE * tops[-1] / max(steps[-1], 1e-300))
     cycles = missing / np.log(steps[-1] / steps[0])
     times = min(max(1 + cycles / tops.size, 2.0), 50.0)
     return float(f"{passed * times:.1e}")
@@ -430,7 +435,7 @@ def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Puls
     duration = float(LONGER * passed)
     top = N[t >= t[-1] - passed / 4].max()
     change = _left_to_change(t, N) / top
-    if change <= SETTLED:
+    if change <= SMALL_CHANGE:
         earlier, later = np.ptp(np.interp(t[-1] - passed * EIGHTHS, t, N), axis=1)
         if later > max(earlier, GROWS * top):
             return _slow(f"a movement of the {what} that grows instead of dying away", duration, swing, cycles)

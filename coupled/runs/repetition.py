@@ -8,7 +8,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 from thermofem.errors import InputError
 
-SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+SMALL_CHANGE = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
 LONGER_CYCLE = 1.5  # times the longest of the cycles before: one that lasts longer ends the oscillation
@@ -32,7 +32,7 @@ class Train(NamedTuple):
     @property
     def close(self) -> float:
         """Relative change of heights and lengths that counts as none."""
-        return max(SETTLED, self.missed, 0.5 / self.samples)
+        return max(SMALL_CHANGE, self.missed, 0.5 / self.samples)
 
     def pattern(self) -> int:
         """Return the fewest cycles after which heights and lengths return; 1 if there are none.
@@ -58,9 +58,9 @@ class Train(NamedTuple):
         """
         unclear = 1 / self.samples
         if self.heights.size <= 2 * pattern:
-            return max(unclear, SETTLED)
+            return max(unclear, SMALL_CHANGE)
         if earlier * drift > 0:
-            return max(unclear, SETTLED, min(FAR, abs(earlier)))
+            return max(unclear, SMALL_CHANGE, min(FAR, abs(earlier)))
         return max(unclear, FAR)
 
 
@@ -115,11 +115,11 @@ def amplitude_limit(heights: Array) -> float:
     the trace may then end at rest or in a smaller cycle.
     """
     if heights.size < 3:
-        falls = heights[-1] <= (1 - SETTLED) * heights[0]
+        falls = heights[-1] <= (1 - SMALL_CHANGE) * heights[0]
         return 0.0 if falls else float(heights[-1])
     length = max(2 * heights.size // 9, 1)
     first, middle, last = heights[-3 * length :].reshape(3, length).mean(axis=1)
-    if last > (1 - SETTLED) * first:
+    if last > (1 - SMALL_CHANGE) * first:
         return float(heights[-1])
     curvature = (last - middle) - (middle - first)
     limit = float(last - (last - middle) ** 2 / curvature) if curvature > 0 else -np.inf
@@ -128,7 +128,7 @@ def amplitude_limit(heights: Array) -> float:
     return float(heights[-1]) if last > 0.9 * first else float("nan")
 
 
-def alternate(heights: Array, close: float = SETTLED) -> bool:
+def alternate(heights: Array, close: float = SMALL_CHANGE) -> bool:
     """Whether the last large and small pulses differ alternately by more than ``close`` (relative) without decay."""
     steps = np.diff(heights[-4:])
     if steps.size < 2 or not _take_turns(steps):
@@ -150,13 +150,15 @@ def top_of(t: Array, N: Array, first: int, last: int) -> float:
     k = first + int(np.argmax(N[first:last]))
     if not 0 < k < N.size - 1:
         return float(N[k])
-    left = (N[k] - N[k - 1]) / (t[k] - t[k - 1])
-    right = (N[k + 1] - N[k]) / (t[k + 1] - t[k])
-    bend = (right - left) / (t[k + 1] - t[k - 1])
+    t0, t1, t2 = t[k - 1 : k + 2]
+    N0, N1, N2 = N[k - 1 : k + 2]
+    left = (N1 - N0) / (t1 - t0)
+    right = (N2 - N1) / (t2 - t1)
+    bend = (right - left) / (t2 - t0)
     if not bend < 0:
-        return float(N[k])
-    slope = left + bend * (t[k] - t[k - 1])
-    return float(N[k] - slope**2 / (4 * bend))
+        return float(N1)
+    slope = left + bend * (t1 - t0)
+    return float(N1 - slope**2 / (4 * bend))
 
 
 def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
@@ -180,5 +182,5 @@ def doubled(heights: Array, least: float) -> bool:
     if steps.size != 4 or not _take_turns(steps):
         return False
     sizes = np.abs(steps)
-    lasts = np.all(sizes[1:] > (1 - SETTLED) * sizes[:-1])
+    lasts = np.all(sizes[1:] > (1 - SMALL_CHANGE) * sizes[:-1])
     return bool(lasts and sizes[-1] > least * heights[-1])

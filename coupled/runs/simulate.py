@@ -13,7 +13,7 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.system import run_circuit
-from ..heater_loop import PASSES, heater_loop, relaxed
+from ..heater_loop import PASS_ATTRIBUTES, heater_loop, relaxed
 from ..heaters import Poles, channels, heater_powers, heating, with_ambient
 from ..inputs import Input, check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..kernel.tableaus import Method
@@ -158,7 +158,7 @@ def simulate(
         pass_times = None if loop.fed_back else times
         powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=pass_times, **alike))
         if pass_times is not times:
-            passes = {name: driven.attrs[name] for name in PASSES}
+            passes = {name: driven.attrs[name] for name in PASS_ATTRIBUTES}
             driven = simulate(ring, model, heaters=powers, times=times, **alike).assign_attrs(passes)
         return loop.described(driven)
     if isinstance(ring, Circuit):

@@ -143,31 +143,38 @@ def advance(
     drive = light.drive
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     heat, bend = eq.internal_heat(model)
-    pump = float((np.abs(drive.entry) * np.sqrt(drive.brightest)).max())
+    pumps = np.abs(drive.entry) * np.sqrt(drive.brightest)
+    pump = float(pumps.max())
     rings = eq.internal_rings(resonances, pump, model.thermal_resistance * eq.UW)
     problem = Problem(rings._replace(bend=bend), heat, drive, chosen)
     unit = eq.units(problem.order)
-    begin = np.insert(state.as_array() / unit, 2, _further_fields(resonances, fields or {}))
+    first_state = state.as_array() / unit
+    begin = np.insert(first_state, 2, _further_fields(resonances, fields or {}))
+    beating = len(lasers) >= modes
     run = problem.integrate(
         begin,
         rtol=rtol,
         times=times / eq.NS if times.size else None,
-        longest=_longest_step(light) if len(lasers) >= modes else math.inf,
+        longest=_longest_step(light) if beating else math.inf,
         first_step=first_step / eq.NS,
         event=_event(event),
-        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+        progress=eq.in_seconds(progress),
     )
     time = run.rows[:, 0] * eq.NS
     amplitudes, (N,), (dT,), (absorbed,) = eq.in_si(rings, run.rows)
     rise = offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(time)
     first_ring = np.concatenate([run.y[:2], run.y[2 * modes :]])
+    absorbed_slope = NO_TIMES
+    if slopes:
+        rates, _ = eq.internal_rates(ring)
+        absorbed_slope = _absorbed_slope(run.rows, drive, rates)
     return Window(
         time=time,
         fields=amplitudes,
         carriers=N,
         delta_T=dT + rise,
         absorbed=absorbed,
-        absorbed_slope=_absorbed_slope(run.rows, drive, eq.internal_rates(ring)[0]) if slopes else NO_TIMES,
+        absorbed_slope=absorbed_slope,
         final=State.from_array(first_ring * unit),
         further=run.y[2 : 2 * modes] * eq.FJ**0.5,
         reached=run.t * eq.NS,

@@ -15,7 +15,7 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..heaters import driving
-from ..identification.held_numbers import SHARE, held_deviations, held_numbers, summary
+from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, summary
 from ..inputs import check_ring, datasets
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
@@ -194,8 +194,8 @@ def _result(
         samples.append(_samples(sweep, residual, a, ring.frequency - search.reference))
         unknowns += a.size
     misfit = float(np.sqrt(end.cost / max(end.r.size - unknowns, 1)))
-    correlations = [correlation_of(one["residual"].values) for one in samples]
-    widening = max(misfit, 1.0) * max(found.widening for found in correlations)
+    correlations = [correlation_of(sample["residual"].values) for sample in samples]
+    widening = max(misfit, 1.0) * max(correlation.widening for correlation in correlations)
     spread = _spread(search, end, widening, held_values, held)
     derived = dict(zip(DERIVED, np.exp(_derived(search, end.x)).tolist(), strict=True))
     every = search.values(end.x) | derived
@@ -241,7 +241,7 @@ def _spread(
     for held_name, value in held_values.items():
         is_frequency = held_name == FREQUENCY
         scale = search.linewidth if is_frequency else value
-        moves = _moved(search, end, held_name, value, SHARE * scale, V[visible], size[visible])
+        moves = _moved(search, end, held_name, value, HELD_STEP * scale, V[visible], size[visible])
         variance = variance + (moves * held.get(held_name, 0.0) / scale) ** 2
         for name, slope in zip(names, moves, strict=True):
             if not is_frequency:
@@ -255,16 +255,16 @@ def _spread(
 
 
 def _moved(search: Search, end: End, name: str, value: float, step: float, V: Array, size: Array) -> Array:
-    """Derivative of all parameters (logarithms) by a held number in units of ``step``/`SHARE`, at the minimum.
+    """Derivative of all parameters (logarithms) by a held number in units of ``step``/`HELD_STEP`, at the minimum.
 
     V, size: right singular vectors and singular values of the Jacobian that the sweeps determine.
     """
     changed = search.with_held(name, value + step)
-    change = (changed.residuals(end.x) - end.r) / SHARE
+    change = (changed.residuals(end.x) - end.r) / HELD_STEP
     along = (end.J @ V.T / size).T @ change
     x_slope = -V.T @ (along / size)
-    moved_x = end.x + SHARE * x_slope
-    derived_slope = (_derived(changed, moved_x) - _derived(search, end.x)) / SHARE
+    moved_x = end.x + HELD_STEP * x_slope
+    derived_slope = (_derived(changed, moved_x) - _derived(search, end.x)) / HELD_STEP
     return np.concatenate([x_slope[: len(search.names)], derived_slope])
 
 

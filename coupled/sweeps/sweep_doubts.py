@@ -25,7 +25,7 @@ from .transmission_search import End, Search, searched
 
 LOSSES = ("loss_rate", "scattering_rate", "drop_rate")
 AS_WELL = 9.0  # difference of the sums of squares, over the misfit squared, below which both fit: 3 deviations
-MARGIN = 0.5  # of a logarithm, beyond the exchanged value, to which default bounds are widened
+BEYOND_BOUND = 0.5  # of a logarithm, beyond the exchanged value, to which default bounds are widened
 APART = 0.02  # relative difference of the two answers, below which they are one
 
 
@@ -98,8 +98,8 @@ def _reaching(search: Search, x: Array, bounds: Mapping[str, Any] | None) -> Sea
             continue
         if bounds is not None and name in bounds:
             return None
-        low[k] = min(low[k], x[k] - MARGIN)
-        high[k] = max(high[k], x[k] + MARGIN)
+        low[k] = min(low[k], x[k] - BEYOND_BOUND)
+        high[k] = max(high[k], x[k] + BEYOND_BOUND)
     return replace(search, low=low, high=high)
 
 
