@@ -21,7 +21,7 @@ from thermofem.models import ThermalModel, bare, has_ports
 from thermofem.piecewise import hermite
 from thermofem.ring_temperature import CORE, detuning_output
 
-from .inputs import Pieces, add, bounds, last_change, pieces, power_in_time
+from .inputs import Pieces, add, bounds, check_ring, last_change, pieces, power_in_time
 from .resistive_heaters import LARGEST_POWER, Rest, at_rest, heater_power
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
@@ -283,15 +283,22 @@ class ConstantHeating(NamedTuple):
     rise: float
     rest: Rest
     """The same with all inputs and outputs, and the powers."""
+    doubts: Mapping[str, Any] = {}
+    """What `check_model` says about the model."""
 
     def turned(self, ring: RingResonator) -> float:
         """Shift of the resonance frequency by the heaters, as an equivalent detuning in Hz."""
         return turned_by(self.rise, ring)
 
     @property
-    def attributes(self) -> dict[str, float]:
+    def of_heaters(self) -> dict[str, Any]:
         """Powers of the heaters (W), the ambient (K) and the temperature rise by both as attributes of a Dataset."""
         return self.rest.attributes | {"heater_rise": self.rise} if self.rest.powers else {}
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes of a Dataset: those of the heaters, and the doubts about the model."""
+        return {**self.of_heaters, **self.doubts}
 
 
 def constant(
@@ -317,6 +324,22 @@ def constant(
     if settled.model is not model:
         selected = channels(settled.model, wanted, settled.powers, heated, read)
     return ConstantHeating(selected.model, float(rise), settled)
+
+
+def warmed(
+    ring: RingResonator,
+    model: ThermalModel,
+    heaters: Mapping[str, Any] | None,
+    heated: str | None,
+    read: str | None,
+) -> ConstantHeating:
+    """`constant` for the temperature that a ring reads, with the doubts about the model.
+
+    Raises InputError: as `constant`, and an argument that is no ring.
+    """
+    check_ring(ring)
+    warm = constant(model, ring.read, heaters, heated, read)
+    return warm._replace(doubts=check_model(ring, model, warm.model, read))
 
 
 def heater_powers(powers: Mapping[str, Any], time: Array) -> dict[str, Any]:

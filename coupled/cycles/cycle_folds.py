@@ -23,10 +23,10 @@ from thermofem.models import ThermalModel
 
 from ..equilibria.bifurcation_curves import hopf_curves
 from ..equilibria.zeros import distances
-from ..heaters import constant
-from ..inputs import check_axis, check_ring
+from ..heaters import warmed
+from ..inputs import check_axis
 from ..resonator import RingResonator
-from ..thermal import as_read, check_model, trusted, without_origin
+from ..thermal import as_read, trusted, without_origin
 from .branch import born, described, follow, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected
@@ -85,11 +85,9 @@ def cycle_fold_curves(
     >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
     4.0 to 6.1 mW
     """
-    check_ring(ring)
     P = check_axis("powers", powers)
     nu = check_axis("detunings", detunings)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, model, heaters, heated, read)
     low, high = np.transpose([np.log(P[[0, -1]]), nu[[0, -1]]])
     window = _Window(low, high)
     watts, offsets = window.wider(AROUND).T
@@ -104,7 +102,7 @@ def cycle_fold_curves(
                     curves += _curve(family, fold, across, window)
     for curve in curves:
         trusted(model, curve["highest_rise"].values - warm.rise)
-    return [curve.assign_attrs(warm.attributes | doubts) for curve in curves]
+    return [curve.assign_attrs(warm.attributes) for curve in curves]
 
 
 class _Window(NamedTuple):

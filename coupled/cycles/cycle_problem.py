@@ -26,7 +26,7 @@ from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning, internal_pump, single_ring
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..thermal import Compact, compact
+from ..thermal import Compact, compact, provenance
 from ..unknowns import FROM_ZERO, number_of, optical_names, varied
 from .return_map import FLAT, REACH, Flow, Orbit
 
@@ -350,6 +350,10 @@ class CycleProblem:
         """Longest transient in ns that is integrated before a cycle must have been found."""
         slowest = 1 / (NS * self.model.slowest_rate)
         return max(LONGEST_TRANSIENT, min(SLOWEST * slowest, MOST_TRANSIENT))
+
+    def provenance(self, kind: str) -> dict[str, Any]:
+        """Attributes of a Dataset: its kind, the ring, the poles, power (W) and detuning (Hz)."""
+        return provenance(kind, self.ring, self.model) | {"input_power": self.power, "detuning": self.detuning}
 
     @property
     def where(self) -> str:

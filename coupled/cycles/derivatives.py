@@ -21,12 +21,12 @@ from thermofem.arrays import Array
 from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
-from ..heaters import constant
-from ..inputs import check_detuning, check_power, check_ring
+from ..heaters import warmed
+from ..inputs import check_detuning, check_power
 from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import check_model, provenance, trusted
+from ..thermal import trusted
 from ..unknowns import FROM_ZERO
 from .cycle_problem import CycleProblem, numbers_of, value_of
 from .limit_cycle import cycle_near
@@ -82,18 +82,15 @@ def cycle_derivatives(
     >>> print(f"{d['period'].sel(parameter='power').item() * 1e6:.1f} ns per mW")
     -18.3 ns per mW
     """
-    check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
-    small = warm.model
-    p = CycleProblem(ring, small, float(power), float(detuning), warm.rise)
+    warm = warmed(ring, model, heaters, heated, read)
+    p = CycleProblem(ring, warm.model, power, detuning, warm.rise)
     numbers = numbers_of(p)
     if parameters is None:
         names = [name for name, (value, _) in numbers.items() if name == "detuning" or value or name in FROM_ZERO]
     else:
-        names = [*checks.instances("parameters", parameters, str)]
+        names = list(checks.instances("parameters", parameters, str))
     orbit = cycle_near(p, cycle)
     rows = derivatives(p, orbit, names)
     units = {"period": "s", "duty": "1", "swing": "K", "extinction": "dB"}
@@ -102,16 +99,16 @@ def cycle_derivatives(
         about = {"units": f"{unit} {PER}", "long_name": f"derivative of the {name}"}
         variables[name] = ("parameter", column, about)
     values = [numbers[name][0] for name in names]
-    variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
+    about = {"long_name": "value of the parameter"}
+    variables["value"] = ("parameter", values, about)
     si_units = [numbers[name][1] for name in names]
-    variables["unit"] = ("parameter", si_units, {"long_name": "SI unit of the parameter"})
+    about = {"long_name": "SI unit of the parameter"}
+    variables["unit"] = ("parameter", si_units, about)
     measures = measure(orbit.trace.rows)
     trusted(model, measures.hottest)
-    attrs = provenance("cycle derivatives", ring, small)
-    attrs |= {"input_power": p.power, "detuning": p.detuning}
+    attrs = p.provenance("cycle derivatives") | warm.attributes
     attrs |= {"period": orbit.T * NS, "duty": measures.duty, "swing": measures.swing}
     attrs |= {"extinction": float(measures.extinction)}
-    attrs |= warm.attributes | doubts
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
 
@@ -176,7 +173,7 @@ def _changes(p: CycleProblem, orbit: Orbit, names: Sequence[str], y: Array, time
 
 def _energy_slope(p: CycleProblem, y: Array) -> float:
     """dU/dt at a state, fJ/ns."""
-    rate = p.flow.fine.slopes(y)[0]
+    rate, _ = p.flow.fine.slopes(y)
     return float(2 * y[:2] @ rate[:2])
 
 

@@ -12,8 +12,8 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import autonomous
-from ..heaters import constant
-from ..inputs import check_detuning, check_power, check_ring
+from ..heaters import warmed
+from ..inputs import check_detuning, check_power
 from ..kernel.integrator import CARRIERS, ENERGY
 from ..kernel.rates import absorbed_power
 from ..kernel.tableaus import Method
@@ -21,7 +21,7 @@ from ..kernel.units import DENSITY, FJ, NS, UW, internal_rates, units
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..states import State, starting_point
-from ..thermal import check_model, provenance, trusted
+from ..thermal import trusted
 from . import branch
 from .branch import born, is_hopf_point, laser_of, near_hopf
 from .cycle_problem import CycleProblem, measured, pulse_train, value_of
@@ -101,17 +101,14 @@ def limit_cycle(
     """
     if isinstance(ring, Circuit):
         return _of_circuit(ring, model, power, heaters, detuning, settle)
-    check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
-    p = CycleProblem(ring, warm.model, float(power), float(detuning), warm.rise)
+    warm = warmed(ring, model, heaters, heated, read)
+    p = CycleProblem(ring, warm.model, power, detuning, warm.rise)
     orbit = cycle_near(p, guess)
     cycle = dataset_of(p, orbit)
     trusted(model, cycle["delta_T"].values - warm.rise)
-    cycle.attrs |= warm.attributes | doubts
-    return cycle
+    return cycle.assign_attrs(warm.attributes)
 
 
 def cycle_near(p: CycleProblem, guess: Any) -> Orbit:
@@ -167,10 +164,8 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     about = {"units": "s", "long_name": "weight of an integral over the period"}
     variables["weight"] = ("time", time_weights(orbit) * NS, about)
     variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
-    attrs = provenance("limit cycle", ring, p.model)
-    attrs |= {"input_power": p.power, "detuning": p.detuning}
-    attrs |= _numbers(orbit)
-    attrs |= {"final_state": orbit.start * units(p.flow.rough.order)}
+    attrs = p.provenance("limit cycle") | _numbers(orbit)
+    attrs["final_state"] = orbit.start * units(p.flow.rough.order)
     time = ("time", t * NS, dataset.describe("time"))
     return xr.Dataset(variables, coords={"time": time}, attrs=attrs)
 
@@ -327,10 +322,8 @@ def continue_cycle(
     >>> print(f"{b.detuning.values[b.special == 'fold'].item() / 1e9:.3f} GHz; ends in {b.attrs['reason']}")
     4.598 GHz; ends in a Hopf point
     """
-    check_ring(ring)
     points = checks.integer("points", points, 1, MOST_CYCLES)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = checks.array("values", values)
     if ends.shape != (2,) or ends[0] == ends[1]:
@@ -343,13 +336,14 @@ def continue_cycle(
     if is_hopf_point(guess):
         start, along = born(family, guess)
     else:
-        first = first_place(family, cycle_near(p, guess).trace)
+        orbit = cycle_near(p, guess)
+        first = first_place(family, orbit.trace)
         if first is None:
             raise InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         start = first
         along = np.eye(first.unit.size)[-1] * (ends[0] - here or 1.0)
     cycles, why = branch.follow(family, start, along, ends, points)
-    path = _dataset(family, cycles, why).assign_attrs(warm.attributes | doubts)
+    path = _dataset(family, cycles, why).assign_attrs(warm.attributes)
     trusted(model, path["highest_rise"].values - warm.rise)
     return path
 
@@ -367,7 +361,7 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
     nu = check_detuning(nu)
     if is_hopf_point(guess) and (P, nu) != of_guess:
         raise InputError("power and detuning are those of the Hopf point given as guess; leave them out")
-    return float(P), float(nu)
+    return P, nu
 
 
 def _dataset(family: Family, cycles: list[branch.Found], why: str) -> xr.Dataset:
@@ -382,7 +376,6 @@ def _dataset(family: Family, cycles: list[branch.Found], why: str) -> xr.Dataset
     several = np.array([place.orbit.multipliers for place in places])
     about = {"units": "1", "long_name": "Floquet multipliers"}
     variables["multipliers"] = (("point", "multiplier"), several, about)
-    attrs = provenance("branch of cycles", p.ring, p.model)
-    attrs |= {"input_power": p.power, "detuning": p.detuning}
+    attrs = p.provenance("branch of cycles")
     attrs |= {"parameter": family.names[0], "reason": why}
     return xr.Dataset(variables, attrs=attrs)

@@ -116,8 +116,7 @@ class Flow:
         if self.quantity == CARRIERS:
             w[a + 2] = 1.0
         else:
-            w[a] = 2 * y[a]
-            w[a + 1] = 2 * y[a + 1]
+            w[a : a + 2] = 2 * y[a : a + 2]
         return w
 
     def seen(self, rows: Array) -> Array:
@@ -169,7 +168,8 @@ class Flow:
     def trace(self, y: Array, rtol: float, pulses: int, longest: float, per_step: int = 1) -> Trace | None:
         """Integrate from ``y`` through ``pulses`` returns to the section; None if one exceeds ``longest`` ns."""
         level = self.value(y)
-        state, T = y, 0.0
+        state = y
+        T = 0.0
         parts: list[tuple[Array, Array]] = []
         rows: list[Array] = []
         for _ in range(pulses):
@@ -193,7 +193,7 @@ class Flow:
 
     def projected(self, columns: Array, end: Array) -> Array:
         """Project derivatives of the end state, shape (n, k), along dy/dt onto the section's tangent plane."""
-        rate = self.rough.slopes(end)[0]
+        rate, _ = self.rough.slopes(end)
         w = self.normal(end)
         return columns - np.outer(rate, w @ columns) / (w @ rate)
 
@@ -227,13 +227,18 @@ class Chord(NamedTuple):
     A: Array
     row: int
 
-    def step(self, flow: Flow, trace: Trace) -> tuple[Array, float]:
-        """The solution dy of (1 - M) dy = y(T) - y_0, w . dy = 0, and its size relative to the orbit's scales."""
+    def improved(self, flow: Flow, trace: Trace) -> tuple[Array, float] | None:
+        """The state after a step dy from the start of a trajectory, and the size of dy relative to the orbit's scales.
+
+        (1 - M) dy = y(T) - y_0, w . dy = 0; dy is shortened to `LARGEST_STEP`. None where it is not finite.
+        """
         missed = trace.end - trace.start
         missed[self.row] = 0.0
-        dy = np.asarray(np.linalg.solve(self.A, missed))
-        size = np.abs(dy / flow.scale(trace.rows)).max()
-        return dy, float(size)
+        dy = np.linalg.solve(self.A, missed)
+        size = float(np.abs(dy / flow.scale(trace.rows)).max())
+        if not np.isfinite(size):
+            return None
+        return trace.start + dy * min(1.0, LARGEST_STEP / size), size
 
 
 def chord(flow: Flow, trace: Trace, V: Array) -> Chord:
@@ -249,11 +254,6 @@ def chord(flow: Flow, trace: Trace, V: Array) -> Chord:
     return Chord(A, row)
 
 
-def damped(y: Array, dy: Array, size: float) -> Array:
-    """The state after a Newton step dy of relative size ``size``, shortened to `LARGEST_STEP`."""
-    return y + dy * min(1.0, LARGEST_STEP / size)
-
-
 def close(
     flow: Flow, y: Array, pulses: int, longest: float, *, rtol: float = FINE, beside: Orbit | None = None
 ) -> Orbit | None:
@@ -264,18 +264,17 @@ def close(
         recomputed at FINEST where the estimated error of the period exceeds `ERROR`.
     beside: a nearby periodic orbit, whose V starts the chord iterations.
     """
-    turns = iter(range(TURNS))
+    search = Search(flow, pulses, longest, iter(range(TURNS)))
     if beside is not None:
-        start = chord(flow, beside.trace, beside.V)
-        return _by_chords(flow, y, pulses, longest, rtol, start, turns)
-    rough = _by_newton(flow, y, pulses, longest, ROUGH, turns)
+        return search.by_chords(y, rtol, chord(flow, beside.trace, beside.V))
+    rough = search.by_newton(y, ROUGH)
     if rough is None:
         return None
-    middle = _by_newton(flow, rough.improved, pulses, longest, MIDDLE, turns)
+    middle = search.by_newton(rough.improved, MIDDLE)
     if middle is None or rtol == MIDDLE:
         return middle and middle.orbit
     start = chord(flow, middle.orbit.trace, middle.orbit.V)
-    return _by_chords(flow, middle.improved, pulses, longest, rtol, start, turns)
+    return search.by_chords(middle.improved, rtol, start)
 
 
 class Approach(NamedTuple):
@@ -285,111 +284,115 @@ class Approach(NamedTuple):
     improved: Array
 
 
-def _by_newton(flow: Flow, y: Array, pulses: int, longest: float, rtol: float, turns: Iterator[int]) -> Approach | None:
-    """Newton's method with the derivative of every trajectory, until its step is below CLOSED[rtol]."""
-    for _ in turns:
-        trace = flow.trace(y, rtol, pulses, longest)
-        if trace is None or flow.rests(trace):
-            return None
-        V = flow.derivative(trace, rtol)
-        dy, size = chord(flow, trace, V).step(flow, trace)
-        if not np.isfinite(size):
-            return None
-        y = damped(y, dy, size)
-        if size < CLOSED[rtol]:
-            return Approach(Orbit(trace, V, size, pulses), y)
-    return None
+class Search(NamedTuple):
+    """The search for an orbit with crossings of the section at most ``longest`` ns apart; ``turns``: steps left."""
 
+    flow: Flow
+    pulses: int
+    longest: float
+    turns: Iterator[int]
 
-def _by_chords(
-    flow: Flow, y: Array, pulses: int, longest: float, rtol: float, start: Chord, turns: Iterator[int]
-) -> Orbit | None:
-    """Chord iterations from ``start``: at NEAR with this chord, then at ``rtol`` with a new one where it is slow."""
-    if rtol == FINE:
-        nearer = _approach_by_chord(flow, y, pulses, longest, start, turns)
-        if nearer is None:
-            return None
-        y = nearer
-    before = 1.0
-    renew = False
-    per_step = 1  # row a step: the first trace is hardly ever the last
-    for _ in turns:
-        trace = flow.trace(y, rtol, pulses, longest, per_step)
-        if trace is None or flow.rests(trace):
-            return None
-        if renew:
-            start = chord(flow, trace, flow.derivative(trace, rtol))
-        dy, size = start.step(flow, trace)
-        if not np.isfinite(size):
-            return None
-        if size < CLOSED[rtol]:
-            if per_step == 1:
-                trace = flow.trace(y, rtol, pulses, longest, PER_STEP) or trace
-            return _concluded(flow, trace, pulses, longest, rtol, start, size)
-        renew = not renew and size > CONTRACTION * before
-        before = size
-        y = damped(y, dy, size)
-        per_step = PER_STEP
-    return None
+    def trace(self, y: Array, rtol: float, per_step: int = 1) -> Trace | None:
+        """The trajectory from a state through all crossings; None without one, or if it rests."""
+        trace = self.flow.trace(y, rtol, self.pulses, self.longest, per_step)
+        return None if trace is None or self.flow.rests(trace) else trace
 
+    def by_newton(self, y: Array, rtol: float) -> Approach | None:
+        """Newton's method with the derivative of every trajectory, until its step is below CLOSED[rtol]."""
+        for _ in self.turns:
+            trace = self.trace(y, rtol)
+            if trace is None:
+                return None
+            V = self.flow.derivative(trace, rtol)
+            step = chord(self.flow, trace, V).improved(self.flow, trace)
+            if step is None:
+                return None
+            y, size = step
+            if size < CLOSED[rtol]:
+                return Approach(Orbit(trace, V, size, self.pulses), y)
+        return None
 
-def _approach_by_chord(
-    flow: Flow, y: Array, pulses: int, longest: float, start: Chord, turns: Iterator[int]
-) -> Array | None:
-    """Chord iterations at NEAR, with the chord kept; the state on the section after the last step."""
-    for _ in turns:
-        trace = flow.trace(y, NEAR, pulses, longest)
-        if trace is None or flow.rests(trace):
-            return None
-        dy, size = start.step(flow, trace)
-        if not np.isfinite(size):
-            return None
-        y = damped(y, dy, size)
-        if size < CLOSED[NEAR]:
-            return y
-    return None
+    def by_chords(self, y: Array, rtol: float, start: Chord) -> Orbit | None:
+        """Chord iterations: at NEAR with the chord ``start``, then at ``rtol`` with a new one where they are slow."""
+        if rtol == FINE:
+            nearer = self._nearer(y, start)
+            if nearer is None:
+                return None
+            y = nearer
+        before = 1.0
+        renew = False
+        per_step = 1  # row a step: the first trace is hardly ever the last
+        for _ in self.turns:
+            trace = self.trace(y, rtol, per_step)
+            if trace is None:
+                return None
+            if renew:
+                start = chord(self.flow, trace, self.flow.derivative(trace, rtol))
+            step = start.improved(self.flow, trace)
+            if step is None:
+                return None
+            following, size = step
+            if size < CLOSED[rtol]:
+                if per_step == 1:
+                    trace = self.trace(y, rtol, PER_STEP) or trace
+                return self._concluded(trace, rtol, start, size)
+            renew = not renew and size > CONTRACTION * before
+            before = size
+            y = following
+            per_step = PER_STEP
+        return None
 
+    def _nearer(self, y: Array, start: Chord) -> Array | None:
+        """Chord iterations at NEAR, with the chord kept; the state on the section after the last step."""
+        for _ in self.turns:
+            trace = self.trace(y, NEAR)
+            step = trace and start.improved(self.flow, trace)
+            if step is None:
+                return None
+            y, size = step
+            if size < CLOSED[NEAR]:
+                return y
+        return None
 
-def _concluded(
-    flow: Flow, trace: Trace, pulses: int, longest: float, rtol: float, last: Chord, size: float
-) -> Orbit | None:
-    """The orbit of a closed trajectory, recomputed at FINEST where the error of its period at FINE is too large."""
-    V, error = _followed(flow, trace, longest, last)
-    orbit = Orbit(trace, V, size, pulses)
-    if rtol == FINE and error > ERROR:
-        return close(flow, trace.start, pulses, longest, rtol=FINEST, beside=orbit) or orbit
-    return orbit
+    def _concluded(self, trace: Trace, rtol: float, last: Chord, size: float) -> Orbit | None:
+        """The orbit of a closed trajectory, recomputed at FINEST where the error of its period at FINE is too large."""
+        V, error = self._followed(trace, last)
+        orbit = Orbit(trace, V, size, self.pulses)
+        if rtol == FINE and error > ERROR:
+            return close(self.flow, trace.start, self.pulses, self.longest, rtol=FINEST, beside=orbit) or orbit
+        return orbit
 
+    def _followed(self, trace: Trace, last: Chord) -> tuple[Array, float]:
+        """V of an accurate trajectory, and the relative error of its period.
 
-def _followed(flow: Flow, trace: Trace, longest: float, last: Chord) -> tuple[Array, float]:
-    """V of an accurate trajectory, from the least accurate integration that suffices, and the period's relative error.
-
-    A rank-one correction makes V f(y_0) = f(y_T) exact, so that the trivial multiplier is 1. The error of the period at
-    FINE is the difference of the periods at two tolerances, both orbits closed (by the chord ``last``), scaled.
-    """
-    scale = flow.scale(trace.rows)
-    begin = flow.fine.slopes(trace.start)[0]
-    end = flow.fine.slopes(trace.end)[0]
-    others: list[Trace] = []
-    for rtol in FOLLOWED:
-        other = flow.trace(trace.start, rtol, len(trace.parts), longest) or trace
-        others.append(other)
-        V = flow.derivative(other, rtol)
-        defect = end - V @ begin
-        largest_defect = DEFECT * np.linalg.norm(begin / scale)
-        if np.linalg.norm(defect / scale) <= largest_defect:
-            break
-    along = begin / scale**2
-    corrected = V + np.outer(defect, along) / (along @ begin)
-    rough = others[0]
-    missed = rough.end - trace.end
-    missed[last.row] = 0.0
-    dy = np.linalg.solve(last.A, missed)
-    w = flow.normal(trace.start)
-    return_delay = w @ V @ dy / (w @ end)
-    change = rough.T - trace.T - return_delay
-    error = float(abs(change)) / trace.T * FINE / FOLLOWED[0]
-    return corrected, error
+        V comes from the least accurate integration that suffices. A rank-one correction makes V f(y_0) = f(y_T) exact,
+        so that the trivial multiplier is 1. The error of the period at FINE is the difference of the periods at two
+        tolerances, both orbits closed (by the chord ``last``), scaled.
+        """
+        flow = self.flow
+        scale = flow.scale(trace.rows)
+        begin, _ = flow.fine.slopes(trace.start)
+        end, _ = flow.fine.slopes(trace.end)
+        others: list[Trace] = []
+        for rtol in FOLLOWED:
+            other = flow.trace(trace.start, rtol, self.pulses, self.longest) or trace
+            others.append(other)
+            V = flow.derivative(other, rtol)
+            defect = end - V @ begin
+            largest_defect = DEFECT * np.linalg.norm(begin / scale)
+            if np.linalg.norm(defect / scale) <= largest_defect:
+                break
+        along = begin / scale**2
+        corrected = V + np.outer(defect, along) / (along @ begin)
+        rough = others[0]
+        missed = rough.end - trace.end
+        missed[last.row] = 0.0
+        dy = np.linalg.solve(last.A, missed)
+        w = flow.normal(trace.start)
+        return_delay = w @ V @ dy / (w @ end)
+        change = rough.T - trace.T - return_delay
+        error = float(abs(change)) / trace.T * FINE / FOLLOWED[0]
+        return corrected, error
 
 
 BOOLE = np.array([7, 32, 12, 32, 7]) / 90  # weights of five rows of a step, of its length

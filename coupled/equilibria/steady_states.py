@@ -16,12 +16,12 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import circuit_steady_states
-from ..heaters import ConstantHeating, constant, with_ambient
-from ..inputs import check_detuning, check_power, check_ring
+from ..heaters import ConstantHeating, warmed, with_ambient
+from ..inputs import check_detuning, check_power
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import check_model, provenance, trusted
+from ..thermal import provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
@@ -252,18 +252,16 @@ def resting(
     read: str | None,
 ) -> Resting:
     """Find the fixed points of one ring; arguments and errors as of `steady_states`."""
-    check_ring(ring)
     power = check_power(power)
     detuning = check_detuning(detuning)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, model, heaters, heated, read)
     at = internal_ring(ring, warm.model, absorbable(ring, power))
     warm_detuning = internal_detuning(detuning + warm.turned(ring))
     U, D, _ = fixed_points(internal_pump(ring, power), warm_detuning, at)
     points = described("steady states", ring, model, at, U, D, np.full(U.size, power), "branch")
     points["delta_T"].values += warm.rise
-    light = {"input_power": float(power), "detuning": float(detuning)}
-    return Resting(warm, at, U, D, points.assign_attrs(**light, **warm.attributes, **doubts))
+    points = points.assign_attrs(warm.attributes, input_power=power, detuning=detuning)
+    return Resting(warm, at, U, D, points)
 
 
 def drop_power(ring: RingResonator, U: Array) -> Array:

@@ -12,12 +12,12 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..heaters import constant, driving, with_ambient
+from ..heaters import driving, warmed, with_ambient
 from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.rates import absorbed_power
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import check_model, trusted
+from ..thermal import trusted
 from .balance import (
     SPACING,
     InternalRing,
@@ -88,7 +88,6 @@ def transmission(
     drives = with_ambient(heaters, ambient)
     if isinstance(ring, Circuit):
         return low_power_transmission(ring, detuning, power, model, drives)
-    check_ring(ring)
     P, nu = _checked(power, detuning)
     swept = P if P.size > 1 else nu
     if P.size + nu.size != 3 or swept[0] >= swept[1]:
@@ -96,15 +95,14 @@ def transmission(
             f"power = {power!r}, detuning = {detuning!r}: one must be a pair (first, last) with first < last, "
             "the other one number"
         )
-    warm = constant(cast(ThermalModel, model), ring.read, drives, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, cast(ThermalModel, model), drives, heated, read)
     at = internal_ring(ring, warm.model, absorbable(ring, P[-1]))
     turned = warm.turned(ring)
     U, D, powers, warm_detunings = _in_range(*_curve(ring, at, P, nu + turned), P, nu + turned)
     detunings = warm_detunings - turned
     points = described("transmission", ring, model, at, U, D, powers, "point", power=powers, detuning=detunings)
     points["delta_T"].values += warm.rise
-    return points.assign_attrs(**warm.attributes, **doubts)
+    return points.assign_attrs(warm.attributes)
 
 
 class PortCurve(NamedTuple):

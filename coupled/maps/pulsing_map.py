@@ -25,14 +25,14 @@ from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..equilibria.steady_states import Fixed
-from ..heaters import constant
-from ..inputs import bar, check_duration, check_ring
+from ..heaters import warmed
+from ..inputs import bar, check_duration
 from ..kernel.units import FJ, NS
 from ..resonator import RingResonator
 from ..runs.pulsing import FEWEST, Pulsing, Regime, Rest, classify, lasting
 from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, check_model, long_enough, provenance, trusted
+from ..thermal import Compact, long_enough, provenance, trusted
 from .cycle_map import Cell, settled_row
 from .grid import Point, fixed_of, grid_of
 
@@ -126,16 +126,14 @@ def pulsing_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
-    check_ring(ring)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, model, heaters, heated, read)
     small = warm.model
     grid = grid_of(ring, powers, detunings, vary).warmed(warm)
     settled = _settled(settled, ring, traces=not (duration is None and follow is None))
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
     order = None if follow is None else Follow(follow)
-    attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
+    attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.of_heaters}
     if not settled:
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
@@ -177,7 +175,7 @@ def pulsing_map(
     trusted(model, columns["rise"])
     shown = ("regime", "period", "duty", "swing", "reason")
     variables = {name: (grid.names, columns[name], dataset.describe(name)) for name in shown}
-    return xr.Dataset(variables, grid.coordinates(), attrs | doubts)
+    return xr.Dataset(variables, grid.coordinates(), attrs | warm.doubts)
 
 
 def _settled(settled: bool | None, ring: RingResonator, *, traces: bool) -> bool:

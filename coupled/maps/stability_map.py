@@ -11,11 +11,10 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
 from ..equilibria.balance import absorbable
-from ..heaters import constant
-from ..inputs import check_ring
+from ..heaters import warmed
 from ..kernel.units import NS
 from ..resonator import RingResonator
-from ..thermal import Compact, check_model, provenance, trusted, warn_at_top
+from ..thermal import Compact, provenance, trusted, warn_at_top
 from .grid import Grid, fixed_of, grid_of
 
 
@@ -67,9 +66,7 @@ def stability_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
-    check_ring(ring)
-    warm = constant(model, ring.read, heaters, heated, read)
-    doubts = check_model(ring, model, warm.model, read)
+    warm = warmed(ring, model, heaters, heated, read)
     grid = grid_of(ring, powers, detunings, vary).warmed(warm)
     small = warm.model
     fixed, stable, growth, omega, rise = _survey(small, grid)
@@ -83,7 +80,7 @@ def stability_map(
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
-    attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes | doubts
+    attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes
     return xr.Dataset(variables, grid.coordinates(), attrs)
 
 
