@@ -34,7 +34,6 @@ log = logging.getLogger("thermofem")
 MOST_ITERATIONS = 100
 MOST_PASSES = 12
 PASS_ATTRIBUTES = ("heater_passes", "heater_change")  # attributes of a run
-POWER_CHANGE = 0.1  # of rtol: change of a power in the last iteration, relative to its largest value
 
 
 class Feedback(NamedTuple):
@@ -77,7 +76,8 @@ class HeaterLoop:
         for _ in range(MOST_ITERATIONS):
             before = watts
             watts = self._warmed(before, light or {})
-            if difference(watts, before) <= POWER_CHANGE * self.rtol:
+            # the change of a power in the last iteration, relative to its largest value
+            if difference(watts, before) <= 0.1 * self.rtol:
                 others = {name: power for name, power in self.given.items() if name != AMBIENT}
                 return others | {name: self._long_on(name, power) for name, power in watts.items()}
         names = ", ".join(one.name for one in self.fed_back)

@@ -25,7 +25,6 @@ from .resonator import RingResonator
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 SAME_TIME = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
-FIT_TOLERANCE = 1e-9  # of the largest value: what a fit of cubics to a constant leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +237,8 @@ def last_change(function: Pieces) -> float:
         return 0.0
     powers = np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
     sizes = np.abs(function.coefficients) * powers
-    tolerance = FIT_TOLERANCE * sizes[:, 0].max()
+    # what a fit of cubics to a constant leaves
+    tolerance = 1e-9 * sizes[:, 0].max()
     changed = np.any(sizes[:, 1:] > tolerance, axis=1)
     jumps = function.coefficients[1:, 0] - function.ends[:-1]
     changed[:-1] |= np.abs(jumps) > tolerance
@@ -260,7 +260,6 @@ def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
 LONGEST = 1.0  # s, of a run
 MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
 
-UNDERSHOOT = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
 WATT = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
 
 
@@ -296,7 +295,8 @@ def power_in_time(power: Any, duration: float, name: str = "power", most: float 
     """Return a constant power (W) as a float, a function of time as `Pieces`; InputError outside 0 to ``most`` W."""
     found = None if _is_number(power) else pieces(name, power, 0.0, float(duration))
     low, high = (power, power) if found is None else bounds(found)
-    if found is not None and -UNDERSHOOT * high <= low < 0:
+    # a cubic fit of a function may undershoot zero by this share of the largest power
+    if found is not None and -1e-7 * high <= low < 0:
         low = 0.0
     values = [checks.between(name, value, 0, most, unit="W", hint=hint) for value in (low, high)]
     return values[0] if found is None else found

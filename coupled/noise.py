@@ -38,9 +38,7 @@ from .resonator import RingResonator
 
 WIDER = 5.0  # bandwidth over linewidth, where the line is 10 % narrower (measured)
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
-LONGER = 1.05  # of the record, so that its end does not resemble its start
 MOST_NOISE_SAMPLES = 2_000_000  # samples
-RESOLVED = 4.0  # samples in the time constant of a pole: folding adds (1/4)^2/12 to its static density, 0.5 %
 INTENSITY, FREQUENCY, HEAT = 0, 1, 2  # sources of noise, independent for one seed
 
 
@@ -171,7 +169,8 @@ def thermorefractive(
         return (4 * unit * R / (1 + (2 * np.pi * f[:, None] * tau) ** 2))[:, ~slow].sum(axis=1)
 
     length = 1 / (OVERSAMPLED * bandwidth) if bandwidth else np.inf
-    slow = tau > RESOLVED * length
+    # with four samples in a time constant, folding adds (1/4)^2/12 to the static density of a pole, 0.5 %
+    slow = tau > 4.0 * length
     times, rise = _coloured(fast, bandwidth, duration, seed, HEAT)
     rng = np.random.default_rng([checks.seed(seed), HEAT, 1])
     for variance, lifetime in zip(unit * R[slow] / tau[slow], tau[slow], strict=True):
@@ -202,7 +201,8 @@ def _coloured(
     """Times (s) and samples of periodic noise of a one-sided density, a function of frequency, below ``bandwidth``."""
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
     seed = checks.seed(seed)
-    length = LONGER * duration
+    # the record is longer than the run, so that its end does not resemble its start
+    length = 1.05 * duration
     most = MOST_NOISE_SAMPLES / (OVERSAMPLED * length)
     hint = f"{duration:g} s hold one period at least and {MOST_NOISE_SAMPLES} samples at most"
     bandwidth = checks.between("bandwidth", bandwidth, 1 / length, min(most, 1e13), unit="Hz", hint=hint)

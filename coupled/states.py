@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-SAME_CONSTANTS = 1e-6  # relative difference of time constants that were computed twice
-
-
 @dataclass(frozen=True, eq=False)
 class State:
     """State of a ring at one time: field, carriers and thermal states.
@@ -98,7 +95,8 @@ def final_state(run: xr.Dataset, size: int | None = None, known: Mapping[str, An
     if known and "model_tau" in known and "model_tau" in attrs:
         kept = np.append(attrs["model_tau"], attrs.get("model_coefficient", 0.0))
         own = np.append(known["model_tau"], known.get("model_coefficient", 0.0))
-        if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME_CONSTANTS, atol=0):
+        # time constants that were computed twice may differ by 1e-6
+        if kept.shape != own.shape or not np.allclose(kept, own, rtol=1e-6, atol=0):
             raise checks.InputError(
                 f"initial was made with other time constants ({kept[0]:.4g} s, ..) or another output map "
                 f"than the model ({own[0]:.4g} s, ..): its thermal states do not belong to it; go on with that model, "

@@ -39,7 +39,6 @@ log = logging.getLogger("thermofem")
 
 NO_COUPLING = 1e-14  # of the largest entry of M
 PILED = 1e-8  # smallest singular value of 1 - C S: light in a loop is 1e8 times that which enters it
-MOST_STATES = 20_000  # states: their matrices are dense
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 
 
@@ -308,7 +307,8 @@ def _modes(model: StateSpace, sensors: Array) -> tuple[Array, Array, Array]:
 
     sensors: further rows of C.
     """
-    checks.integer("states of thermal", model.order, 1, MOST_STATES, hint="reduce it first (surrogate.reduce_array)")
+    # the matrices of more states, which are dense, would not fit
+    checks.integer("states of thermal", model.order, 1, 20_000, hint="reduce it first (surrogate.reduce_array)")
     E = model.E.toarray() if hasattr(model.E, "toarray") else np.asarray(model.E, dtype=float)
     A = model.A.toarray() if hasattr(model.A, "toarray") else np.asarray(model.A, dtype=float)
     B = np.asarray(model.B, dtype=float)

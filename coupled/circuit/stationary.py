@@ -22,7 +22,6 @@ from .circuit import Circuit
 from .network import Light, light_of, ring_heat
 from .system import System, as_dataset, system_of
 
-SAME_POINT = 1e-6  # relative difference of the states of two fixed points that count as one
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
 WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
 RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
@@ -63,7 +62,8 @@ def fixed_points(system: System, starts: int, seed: int) -> list[Array]:
         y = _fixed_point(system, problem, guess)
         if y is None:
             continue
-        allowed = SAME_POINT * np.linalg.norm(y[light])
+        # two fixed points nearer than this are one
+        allowed = 1e-6 * np.linalg.norm(y[light])
         if all(np.linalg.norm((y - other)[light]) > allowed for other in points):
             points.append(y)
     return sorted(points, key=lambda y: _energy(y[light]))

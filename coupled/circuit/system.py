@@ -185,9 +185,6 @@ def lights_of(
     )
 
 
-SHORTEST_DELAY = 1e-2  # of the shortest photon lifetime: no step is longer than a delay
-
-
 def run_circuit(
     circuit: Circuit,
     thermal: Any,
@@ -204,7 +201,8 @@ def run_circuit(
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
     """Simulate a circuit: `simulate` calls it with its arguments, duration, rtol and times checked, for its result."""
-    shortest = SHORTEST_DELAY / max(ring.linear_rate for ring in circuit.resonators)
+    # no step is longer than a delay, so none may be far below a photon lifetime
+    shortest = 1e-2 / max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         hint = "no step would be longer; for one that is short against the photon lifetime of the rings give 0"
         checks.between(f"delay of the waveguide from {w.start!r}", w.delay or 1.0, shortest, 1.0, unit="s", hint=hint)

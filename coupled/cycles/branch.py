@@ -46,7 +46,6 @@ SMALL, SMALLEST_FOLD = (
     0.05,
     0.03,
 )  # relative range of a cycle, where a branch ends in a Hopf point, folds on a Hopf curve
-SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 REPELLED = 1e10  # multiplier at which the parameter of a canard stays while the cycle changes
 MOST_CYCLES = 400  # cycles of the branch from a Hopf point to a laser
@@ -219,7 +218,8 @@ def follow(
                 return [*out, Found(hopf_point, HOPF)], "a Hopf point"
         if place.orbit.size > REPELLED:
             return out, f"the branch turns vertical: a deviation grows by {place.orbit.size:.1g} in a period"
-        if SLOWEST * shortest < place.orbit.T:
+        # a cycle this much longer than the shortest one runs into a saddle
+        if 30.0 * shortest < place.orbit.T:
             return out, "the period grows without bound"
         step *= _step_factor(ahead.steps - (MORE if folds else 0))
     return out, "the number of points"

@@ -33,9 +33,6 @@ from .multiple_shooting import Family, Place, corrected
 from .return_map import Orbit
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
-BEYOND_WINDOW = 0.02  # of the window, by which a curve leaves it
-SAME_FOLD = 0.02  # of the window, where two folds are the same
-SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
 
 
@@ -136,7 +133,8 @@ class _Window(NamedTuple):
         """Whether a fold at a power and detuning lies on a curve."""
         power, detuning = fold.values[:, None]
         distance = distances(self.at(power, detuning), self.at(curve.power, curve.detuning))[0]
-        return bool(distance < SAME_FOLD)
+        # folds nearer than this share of the window are the same
+        return bool(distance < 0.02)
 
 
 def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
@@ -157,7 +155,8 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
         start, tangent = born(one, seed)
     except InputError:
         return []
-    cycles, _ = follow(one, start, tangent, window.wider(AROUND)[:, 1], SEEDS, ("fold",))
+    # 100 cycles reach beyond the folds near a Hopf point
+    cycles, _ = follow(one, start, tangent, window.wider(AROUND)[:, 1], 100, ("fold",))
     out = []
     for fold in (cycle.place for cycle in cycles if cycle.kind == "fold"):
         across = np.insert(fold.frame(tangent)[0], -1, 0.0)
@@ -173,7 +172,8 @@ def _folds_from(p: CycleProblem, seed: xr.Dataset, window: _Window) -> list[tupl
 def _curve(family: Family, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
     """A list with the Dataset of the curve of folds through ``fold``; empty if it has no point in the window."""
     along = fold.frame(across)[1]
-    corners = window.wider(BEYOND_WINDOW)
+    # a curve leaves the window by this share of it
+    corners = window.wider(0.02)
     back, begins = follow(family, fold, -along, corners, POINTS, ())
     ahead, ends = follow(family, fold, along, corners, POINTS, ())
     places = [cycle.place for cycle in [*back[::-1], *ahead[1:]]]

@@ -32,12 +32,9 @@ from .return_map import FLAT, REACH, Flow, Orbit
 
 FIRST_PART, LONGEST_PART, LONGEST_SEEN = 4e3, 1e5, 1e6  # ns; the last without three pulses in it
 REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
-FALLING = 0.95  # of its amplitude, from one quarter of a part to the next: an oscillation that dies away
-FIRST_STEP = 100.0  # ns, of a part: longer ones rest on an unstable fixed point
 MOST_PULSES = 8
 BACK, REPEATS = 0.02, 1e-4  # of the largest heat, within which a trace is back, and repeats itself
 DIFFER = 20  # pulses after which those of a doubled cycle differ clearly
-AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 PATIENT = 30  # turns at most by which a trace must have come nearer to its cycle
 SLOW = ", such as that of a model without its slowest pole"
 
@@ -64,7 +61,8 @@ class Part(NamedTuple):
     def pulses(self, points: Callable[[], Array]) -> bool:
         """Whether it pulses; a decreasing amplitude counts as pulsing only if there are no stable fixed points."""
         moves = self.rises >= 3 and self.high - self.low > FLAT * self.high
-        return moves and (self.fourth >= FALLING * self.third or not len(points()))
+        # an oscillation that keeps less of its amplitude from one quarter to the next dies away
+        return moves and (self.fourth >= 0.95 * self.third or not len(points()))
 
     @property
     def rests(self) -> bool:
@@ -140,7 +138,8 @@ def settled(
     step = 0.0
     while passed < longest:
         look()
-        y, step, rows, q = system.part(y, duration, min(step, FIRST_STEP))
+        # a longer first step than 100 ns would rest on an unstable fixed point
+        y, step, rows, q = system.part(y, duration, min(step, 100.0))
         passed = passed + duration
         part = measured(rows[:, 0], q, duration)
         fixed = resting(rows[-1], points()) if part.rests else None
@@ -150,7 +149,8 @@ def settled(
             if orbit is not None:
                 amplitude = part.high - part.low
                 change = abs(system.swing(orbit) - amplitude)
-                if change <= AGREE * amplitude or not len(points()):
+                # amplitudes that differ by less than a fifth are taken for the same
+                if change <= 0.2 * amplitude or not len(points()):
                     return orbit
                 reason = "the pulses still change"
         if fixed is not None:
@@ -369,7 +369,6 @@ class CycleProblem:
         return orbit
 
 
-RELATIVE_STEP = 1e-4  # of a number: its fourth power is the truncation, 1e-16 over it the round-off
 LASER = ("power", "detuning")
 
 
@@ -418,7 +417,8 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     """Pairs (weight, problem) of a difference formula: sum of weight f(y; problem) is df/d(parameter), per SI unit."""
     value = value_of(p, name)
     size = p.ring.linear_rate / (2 * np.pi) if name == "detuning" else abs(value)
-    h = RELATIVE_STEP * size or FROM_ZERO.get(name, 0.0)
+    # the truncation is the fourth power of the relative step, the round-off 1e-16 over it
+    h = 1e-4 * size or FROM_ZERO.get(name, 0.0)
     if h == 0:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
     if value != 0 or name == "detuning":

@@ -258,9 +258,6 @@ def _of_circuit(
     return cycle
 
 
-MOST_CYCLES = 100_000  # cycles of a branch
-
-
 def continue_cycle(
     ring: RingResonator,
     model: ThermalModel,
@@ -322,7 +319,7 @@ def continue_cycle(
     >>> print(f"{b.detuning.values[b.special == 'fold'].item() / 1e9:.3f} GHz; ends in {b.attrs['reason']}")
     4.598 GHz; ends in a Hopf point
     """
-    points = checks.integer("points", points, 1, MOST_CYCLES)
+    points = checks.integer("points", points, 1, 100_000)
     warm = warmed(ring, model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = checks.array("values", values)

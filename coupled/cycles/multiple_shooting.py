@@ -31,14 +31,10 @@ from .return_map import FINE, PER_STEP, Orbit, Trace
 
 GROWTH = 100.0  # of a deviation between two nodes
 STRIDE = 6  # coarse steps between two places where a node may stand
-CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
-SMALLEST_EXTENT = 0.01  # range of an orbit, of its largest values, to which they are compared at least
 FARTHEST = 0.5  # of the largest values, the first step
 COARSE = 1e-7  # rtol of the traces that are differentiated: multipliers to 1e-6
 MOST_STEPS, MOST_TO_FOLD = 7, 12  # of Newton's method
 ASIDE = 0.1  # of a step along a curve of folds, the first step of the secant method across it
-SECANT = 1e-7  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
-ON_IT = 1e-6  # distance from a fold, in the units of `weights`: the parameters are off by its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +300,8 @@ def corrected(
         if solution is None:
             return None
         step, tangents = solution
-        clear = abs(off) > max(SECANT, size)  # the last step across moved g by more than the last Newton step
+        # between points of the secant method nearer than 1e-7, g differs by round-off
+        clear = abs(off) > max(1e-7, size)  # the last step across moved g by more than the last Newton step
         size = _size(step, unit)
         if aside:
             before = g
@@ -314,8 +311,10 @@ def corrected(
             step = step.plus(tangents.times(np.array([0.0, off])))
         if not max(size, abs(off)) < most:
             return None
-        on_fold = not aside or (slope and abs(off) <= ON_IT)
-        if size <= CLOSE_ENOUGH * max(extent, SMALLEST_EXTENT) and on_fold:
+        # the parameters are off by the square of the distance from the fold, in the units of `weights`
+        on_fold = not aside or (slope and abs(off) <= 1e-6)
+        # a step of Newton's method leaves less than its square times a hundred; orbits below 1 % in range count as 1 %
+        if size <= 1e-7 * max(extent, 0.01) and on_fold:
             orbit = _orbit(nodes, linear, size)
             scale = weights(family, orbit.trace)
             return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)

@@ -31,7 +31,6 @@ DEFECT = 3e-6  # relative, of V f(y_0) = f(y_T): errors of multipliers below 3e-
 CLOSED = {ROUGH: 1e-2, MIDDLE: 3e-4, NEAR: 1e-3, FINE: 3e-10, FINEST: 1e-11}  # relative step, by rtol, that ends it
 ERROR = 4e-10  # estimate for the period above which FINEST is used: leaves 4e-10 on 99 % of 340 cycles, at most 3e-9
 LARGEST_STEP = 0.3  # relative, of Newton's method
-CONTRACTION = 0.2  # a chord step that shrinks less than this asks for the derivative anew
 TURNS = 30  # of Newton's method
 PER_STEP = 4  # rows for each step of a precise trace
 REACH = 30.0  # of the longest wait for a pulse, within which the next one comes
@@ -336,7 +335,8 @@ class Search(NamedTuple):
                 if per_step == 1:
                     trace = self.trace(y, rtol, PER_STEP) or trace
                 return self._concluded(trace, rtol, start, size)
-            renew = not renew and size > CONTRACTION * before
+            # a chord step that does not shrink to a fifth asks for the derivative anew
+            renew = not renew and size > 0.2 * before
             before = size
             y = following
             per_step = PER_STEP
@@ -397,7 +397,6 @@ class Search(NamedTuple):
 
 BOOLE = np.array([7, 32, 12, 32, 7]) / 90  # weights of five rows of a step, of its length
 FACTORS = np.arange(1.0, 5.0)[:, None]  # of a derivative of powers
-NEWTON_ROOTS = 4  # steps of Newton's method from the nearest row: more change nothing
 
 
 class Measures(NamedTuple):
@@ -551,7 +550,8 @@ def _roots(guesses: list[Guess], order: int) -> Array:
     residual = c[1:] * FACTORS if order else c
     slope = residual[1:] * FACTORS[: len(residual) - 1]
     u = np.zeros(begin.size)
-    for _ in range(NEWTON_ROOTS):
+    # more steps of Newton's method from the nearest row change nothing
+    for _ in range(4):
         rate = _horner(slope, u)
         step = np.divide(_horner(residual, u), rate, out=np.zeros(u.size), where=rate != 0)
         u = np.minimum(np.maximum(u - step, low - begin), high - begin)

@@ -42,7 +42,6 @@ ENERGIES, FREQUENCIES = 400, 200  # at which roots are looked for
 LONGEST_STEP, SHORTEST_STEP = 0.1, 1e-7  # along a curve
 FINE_STEP = 0.01  # of the window, the longest step in it
 BEND = 0.995  # cosine of the angle between two steps
-SAME_CURVE = 5e-3  # from a curve, within which a root lies on it
 DIFFERENCE = 1e-6  # in log U and log w, for slopes
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
 
@@ -212,7 +211,8 @@ def _lines(plane: Plane) -> list[Array]:
             continue
         line = _line(plane, *first, low, high)
         lines.append(line)
-        seeds = seeds[distances(seeds, line.T) > SAME_CURVE]
+        # a root nearer to the curve than this lies on it
+        seeds = seeds[distances(seeds, line.T) > 5e-3]
     return lines
 
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray, runs_of
 
-DEEP = 0.9  # a dip is followed where the parabola through it falls below this share of its lowest point
 Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, shape (m, n)
 
 
@@ -95,7 +94,8 @@ def _brackets_in_dips(
     dip &= here < before
     dip &= here <= after
     curvature = before - 2 * here + after
-    drop = 8 * (1 - DEEP) * here * curvature
+    # a dip is followed where the parabola through it falls below 0.9 of its lowest point
+    drop = 8 * (1 - 0.9) * here * curvature
     dip &= (after - before) ** 2 > drop  # by the parabola
     if not dip.any():
         return []

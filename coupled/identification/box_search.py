@@ -11,9 +11,7 @@ from thermofem.arrays import Array, NDArray
 FORWARD_STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
 STRAIGHT, JUMP = 0.25, 0.5  # second over first difference: a trace is straight below, and has a jump above
-SMALL = 0.5  # change of all residuals of a trace that is less than their noise
 AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound counts as on it
-IMPOSSIBLE = 1e3  # residual where the parameters give no model
 
 Residuals = Callable[[Array], "Array | None"]  # None where the parameters give no model
 
@@ -63,7 +61,8 @@ def least_squares(
     def residuals(x: Array) -> Array:
         r = f(x)
         if r is None:
-            r = np.full(size, IMPOSSIBLE)
+            # a large residual where the parameters give no model
+            r = np.full(size, 1e3)
         return np.append(r, root @ (x - centre))
 
     def slopes(x: Array) -> Array:
@@ -114,7 +113,8 @@ def central_slopes(f: Residuals, x: Array, r: Array, traces: int) -> Array:
                 if bent < straightest[i]:
                     straightest[i] = bent
                     J[i, :, k] = _slope(above[i], middle[i], below[i], h, jumps=bent > JUMP)
-                if bent < STRAIGHT or change < SMALL:
+                # a change below 0.5 of all residuals of a trace is less than their noise
+                if bent < STRAIGHT or change < 0.5:
                     open_traces.remove(i)
             if not open_traces:
                 break

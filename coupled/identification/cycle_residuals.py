@@ -22,10 +22,7 @@ from .cycles import HARMONICS, NEAR, Cycle, Seen, Target, cycle_of, lag
 EARLY, LATE = 5e-9, 1e-9  # s between samples of a free run in its first and second half, or
 MOST_RUN_SAMPLES = 50_000  # so many samples in a half
 RTOL = 1e-5
-HIDDEN = 0.06  # of the mean: a swing that the noise of a trace at rest may hide
-RESTS = 3.0  # periods of the trace: the period that a model at rest counts as
 NOTED, APART = 1.5, 3.0  # widening, and distance from the forced fit in its deviations, above which a note reports it
-HARDLY = 0.3  # deviation of a logarithm above which a note reports it
 REPEATS = 0.03  # relative change of heights and lengths of pulses that repeat
 
 
@@ -91,12 +88,14 @@ def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array
     off = (aligned.harmonics - trace.harmonics) * K
     level = abs(trace.harmonics[0])
     if both[1]:
-        period = own.period if both[0] else RESTS * trace.period
+        # a model at rest counts as one of three times the period
+        period = own.period if both[0] else 3.0 * trace.period
         drift = np.log(period / trace.period) / np.hypot(aim.period_deviation, stage.period)
         scale = np.hypot(aim.deviations, stage.shape * trace.swing)
         scale[0] /= np.sqrt(2)  # the mean square over the cycle is |c_0|^2 + sum |c_k|^2/2
     else:
-        drift, scale = 0.0, np.full(K.size, HIDDEN * level)
+        # the noise of a trace at rest may hide a swing of 6 % of the mean
+        drift, scale = 0.0, np.full(K.size, 0.06 * level)
         scale[0] = np.hypot(aim.deviations[0], stage.shape * level)
     parts = off / scale
     return np.concatenate([[drift, parts[0].real], parts[1:].real, parts[1:].imag]), aligned
@@ -171,7 +170,7 @@ def doubts(what: Unknowns, spread: Array, values: Array, factor: float, off: flo
             f"the traces do not determine {', '.join(loose)}: other values fit as well; give traces of other powers "
             "and detunings, or free fewer"
         )
-    notes += [f"{name} is hardly determined: within {s:.0%}" for name, s in named if HARDLY < s < np.inf]
+    notes += [f"{name} is hardly determined: within {s:.0%}" for name, s in named if 0.3 < s < np.inf]
     for k in np.flatnonzero(at_bound(np.log(values), what.low, what.high)):
         notes.append(
             f"{what.names[k]} = {values[k]:.4g} ended on a bound of its search, {np.exp(what.low[k]):.4g} to "

@@ -128,16 +128,11 @@ def fourier_fit(t: Array, drop: Array, T: float, K: int) -> FourierFit:
 
 
 FEWEST_SAMPLES = 64  # samples of a trace
-SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
-EVEN_SAMPLES = 32_768  # samples to which an unevenly sampled trace is interpolated
 ROUNDS = 3  # corrections of the period
 BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
 PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
 NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
-LONGEST_RUN = 40e-6  # s simulated for a trace that is longer, or
-SETTLED_CONSTANTS = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
 MOST_TRACE_SAMPLES = 50_000  # samples of a simulated trace
-STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
 class Seen(NamedTuple):
@@ -155,12 +150,14 @@ class Seen(NamedTuple):
 
 def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     """Times and drop power of the second half of a trace, interpolated to equal time steps where needed."""
-    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    # the first half is the cold start
+    begin = t[-1] - 0.5 * (t[-1] - t[0])
     late = t >= begin
     steps = np.diff(t[late])
     if late.sum() >= FEWEST_SAMPLES and np.ptp(steps) <= 1e-3 * steps.mean():
         return t[late], drop[late]
-    grid = np.linspace(begin, t[-1], EVEN_SAMPLES)
+    # an unevenly sampled trace is interpolated
+    grid = np.linspace(begin, t[-1], 32_768)
     return grid, np.interp(grid, t, drop)
 
 
@@ -231,7 +228,8 @@ def _changed_swing(pieces: Complex) -> tuple[float, float] | None:
     early = float(first.mean())
     late = float(second.mean())
     scatter = np.sqrt(first.var() / first.size + second.var() / second.size)
-    steady = min(early, late) > STEADY * max(early, late)
+    # swings in the two halves of what is compared that differ by less than 30 % count as steady
+    steady = min(early, late) > 0.7 * max(early, late)
     if len(pieces) < 4 or steady or abs(early - late) < 3 * scatter:
         return None
     level = float(abs(pieces[:, 0].mean()))
@@ -327,7 +325,8 @@ class Target:
 
         For a settled trace, and for one longer than the model's transient, the run has the length of that transient.
         """
-        enough = max(LONGEST_RUN, SETTLED_CONSTANTS / model.slowest_rate)
+        # eight time constants of the slowest pole leave e^-8, 3e-4
+        enough = max(40e-6, 8.0 / model.slowest_rate)
         if self.settled or self.times[-1] > enough:
             return 0.0, enough
         return float(self.times[0]), float(self.times[-1])

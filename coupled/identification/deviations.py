@@ -18,7 +18,6 @@ from .cycles import Target
 from .held_numbers import HELD_STEP, held_numbers, moved_minimum
 
 WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
-UNKNOWN = 1.0  # deviations of a logarithm, given as inf
 ORDER = 6  # of the divided differences in which a smooth trace vanishes and white noise does not
 # share of the swing: less is no noise. Measured: 1e-8 to 1e-5 in traces of `simulate` and `cosimulate` at 10 ns or less
 # between samples; an 8-bit oscilloscope alone leaves 1e-3
@@ -85,7 +84,8 @@ def curvature(what: Unknowns, targets: list[Target], stage: Stage, x: Array, pri
 
 def unknown_as_inf(deviations: Array) -> Array:
     """The deviations of logarithms, inf where they say nothing on the parameter."""
-    return np.where(deviations > UNKNOWN, np.inf, deviations)
+    # a logarithm uncertain by 1 or more is not determined
+    return np.where(deviations > 1.0, np.inf, deviations)
 
 
 def _widened(cost: Callable[[Array], float], x: Array, C: Array, low: Array, high: Array) -> tuple[Array, float]:

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 SCREENED, REFINED = 1024, 8  # points of the box, least squares from the best of them
 COARSE, FINE = 10, 2  # one sample of so many is compared, in the search of the box and in the refinement
 NEWTON_PASSES = 3  # of Newton's method for carriers whose lifetime depends on their density: 1e-4 is left
-DISTINCT = 0.05  # of a logarithm: results that differ by less are one
 SCALE = (0.15, 1.1)  # the largest drop over that of the cold ring on resonance: pulses reach .15 to 1.1 (measured)
 BIAS, INFLATED = 0.03, 15.0  # of logarithms, and of its own deviations: how far off a forced fit may be (measured)
 OPEN = 1e-4  # 1/variance of a logarithm that nothing determines
@@ -229,7 +228,8 @@ def _distinct(ends: list[End], n: int) -> list[Array]:
     ordered = sorted(ends, key=lambda end: end.cost)
     centres: list[Array] = []
     for end in ordered:
-        again = any(np.abs(end.x[:n] - x[:n]).max() < DISTINCT for x in centres)
+        # results that differ by less than 5 % are one
+        again = any(np.abs(end.x[:n] - x[:n]).max() < 0.05 for x in centres)
         if end.cost < 4 * ordered[0].cost + 0.01 and not again:
             centres.append(end.x)
     return centres

@@ -27,13 +27,9 @@ log = logging.getLogger("thermofem")
 
 ALONG = np.append(0, np.outer((0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2), (-1, 1)))  # of a logarithm
 DRAWN, TRIES = 10, 5  # further points about a forced fit, and how many of all are followed
-ASTRAY = 8.0  # residuals over their deviations after a stage, above which a later one does not help
 NOISE_LEVEL = 1.5  # the same at the end: a fit above it failed
-TWICE = 0.03  # of a logarithm: two results that differ by less are one
 ALIKE = 1.05  # ratio of two misfits below which both count as the lowest
 DRIFT, SHAPE = 0.03, 0.1  # of the period and the swing: a model that misses traces without noise by more has failed
-COHERENT = 2.0  # residuals by integration are no noise: over the harmonics they add up more than in quadrature
-LOOSE = 1e-4  # 1/variance of a logarithm, as a prior that says next to nothing
 MANY = 30  # residuals from which the noise is estimated where it is less than expected
 
 
@@ -211,7 +207,8 @@ def _followed(what: Unknowns, targets: list[Target], start: Prior, seed: int) ->
                 prior=start,
             )  # fmt: skip
             x = end.x
-            if _rms(end.r, x.size) > ASTRAY:
+            # where residuals are that large after a stage, a later one does not help
+            if _rms(end.r, x.size) > 8.0:
                 break
         if (r := last(x)) is not None:
             yield End(x, r, end.J, end.cost)
@@ -231,7 +228,8 @@ def _searched(
     for start in starts[:runs]:
         advance()
         for end in _followed(what, targets, start, seed):
-            twice = any(np.abs(end.x - other.x).max() < TWICE for _, other, _ in found)
+            # two results that differ by less than 3 % are one
+            twice = any(np.abs(end.x - other.x).max() < 0.03 for _, other, _ in found)
             found.append((_rms(end.r, end.x.size), end, start))
             if twice or found[-1][0] < NOISE_LEVEL:
                 return sorted(found, key=lambda one: one[0])
@@ -272,7 +270,8 @@ def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[flo
     follows = misfit <= NOISE_LEVEL
     stage = STAGES[-1] if follows else SOFT
     x = end.x if follows else _soft_fit(what, targets, end.x)
-    prior = start if follows else Prior(x, LOOSE * np.eye(x.size))
+    # a prior that says next to nothing: a deviation of 100 of the logarithm
+    prior = start if follows else Prior(x, 1e-4 * np.eye(x.size))
     r = residuals(what, targets, stage)(x)
     assert r is not None
     left = _rms(r, x.size)
@@ -282,7 +281,8 @@ def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[flo
     if drift > DRIFT or shape > SHAPE:
         return _failed(x, f"traces without noise by {drift:.2g} of the period and {shape:.2g} of the swing")
     wide = curvature(what, targets, stage, x, prior)
-    slopes = unknown_as_inf(wide.deviations * (COHERENT * max(left, 1.0) if follows else left))
+    # residuals by integration are no noise: over the harmonics they add up to twice what they would in quadrature
+    slopes = unknown_as_inf(wide.deviations * (2.0 * max(left, 1.0) if follows else left))
     alike = [e.x for m, e, _ in found[1:] if m < ALIKE * misfit]
     if not follows:
         alike = [_soft_fit(what, targets, y) for y in alike]

@@ -18,8 +18,6 @@ from .cycles import targets_of
 
 log = logging.getLogger("thermofem")
 
-STARTS_PER_AXIS = 6  # start values of either parameter
-STARTS = 4  # of them that are followed: the best one alone may lie in the basin of a ring that pulses twice as fast
 # 1 % of the period and 3 % of the swing, root mean square over the cycle, count alike. One pole cannot follow the steep
 # parts of a cycle, and to ask it for more than two harmonics splits the best pairs into two families
 TWO = Stage(2, 0.01, np.sqrt(2) * 0.03, 8)
@@ -71,14 +69,15 @@ def fit_newton_per_trace(
     check_ring(ring)
     what = unknowns(ring, ["tau_th", "heat_capacity"], bounds=bounds)
     targets = targets_of(traces)
-    axes = [np.linspace(a, b, STARTS_PER_AXIS + 2)[1:-1] for a, b in zip(what.low, what.high, strict=True)]
+    axes = [np.linspace(a, b, 8)[1:-1] for a, b in zip(what.low, what.high, strict=True)]
     grid = np.array(np.meshgrid(*axes)).reshape(2, -1).T
     rows: list[list[float]] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for k, target in enumerate(targets):
             f = residuals(what, [target], TWO)
             costs = [cost(f, x) for x in grid]
-            starts = [grid[i] for i in np.argsort(costs)[:STARTS] if np.isfinite(costs[i])]
+            # four are followed: the best one alone may lie in the basin of a ring that pulses twice as fast
+            starts = [grid[i] for i in np.argsort(costs)[:4] if np.isfinite(costs[i])]
             ends = [least_squares(f, x, what.low, what.high, steps=TWO.steps) for x in starts]
             end = min(ends, key=lambda end: end.cost)
             pair = np.exp(end.x)

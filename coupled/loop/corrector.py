@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 
 PERIODS = 6  # of the FEM alone, at most
 INITIAL_KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
-STEP_SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
 
 class Corrector(Protocol):
@@ -115,10 +114,11 @@ class FEM:
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
         self.basis = krylov(self.linear)
+        # the steps of the FEM may take 0.3 of the discrepancy of the co-simulation
         self.field = FieldIntegrator(
             system,
             self.basis,
-            tolerance=STEP_SHARE * max_discrepancy,
+            tolerance=0.3 * max_discrepancy,
             ledger=self.problem.ledger if self.problem else None,
             direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
             factors=self.problem.discretization.factors if self.problem else None,

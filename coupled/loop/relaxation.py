@@ -31,8 +31,6 @@ from .corrector import FEM, Corrector
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
-STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
-CLOSE = 0.05  # of the largest discrepancy: change of the FEM's temperature that is left, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 
@@ -154,7 +152,8 @@ class Relaxation:
         window, or None if another pass is needed; then offset (K) and light of that next pass.
         """
         revise, moved = getattr(self.corrector, "revise", None), np.inf
-        close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
+        # later windows magnify a change of the FEM's temperature that is left, so only 5 % are allowed
+        close = 0.05 * self.max_discrepancy if revise else self.max_discrepancy
         if isinstance(self.corrector, FEM) and self.model is self.corrector.predictor:
             missed = self.corrector.remainder
         else:
@@ -195,7 +194,7 @@ class Relaxation:
 
     def _check_start(self, start: float, first: float) -> None:
         """Raise InputError if the corrector's first value is more than 10 max_discrepancy off its last accepted one."""
-        if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
+        if not abs(first - self.accepted) > 10.0 * self.max_discrepancy:  # nan has its own error
             return
         raise InputError(
             f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted state has "

@@ -38,7 +38,6 @@ class Cell(NamedTuple):
 LONG = 800  # steps of a cycle; one with more may be a burst, of which a stable return map alone proves little
 ASIDE = 3e-4  # of the largest state of heat: the distance from a cycle at which a trace begins that tests it
 AGAIN = 3  # periods of that trace, in which its distance must change as the return map says
-PRECISE = 1e-9  # rtol, with Rodas5P, of the numbers of a cycle that is `LONG`
 REACH = 4.0  # periods within which a trace must come back to the section where the carriers rise
 AHEAD = ([1.0], [2.0, -1.0], [3.0, -3.0, 1.0])  # the polynomial through one to three neighbours at the next point
 
@@ -105,7 +104,7 @@ class _Row:
         if isinstance(orbit, Cell) or len(orbit.rows) <= LONG:
             return orbit
         self.precise.problem.set_detuning(internal_detuning(self.problem.detuning))
-        return self.precise.refined(orbit, PRECISE) or orbit
+        return self.precise.refined(orbit, 1e-9) or orbit
 
     def _continued(self, beside: list[PeriodicOrbit]) -> PeriodicOrbit | None:
         """Return the stable cycle near the polynomial extrapolation of those at the points before; None without one."""

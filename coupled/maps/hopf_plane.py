@@ -17,7 +17,6 @@ LOWEST_POWER, HIGHEST_POWER = 1e-8, 1.0  # W, between which the curve is looked 
 LINEWIDTHS = 10.0  # on either side of the cold resonance
 TIMES_THRESHOLD = 5.0  # the highest power of the plane; the paper's maps reach that much above their threshold
 BELOW_THRESHOLD = 0.5  # the lowest power of a plane that shows the threshold, as a share of it
-BEYOND_CURVE = 0.1  # of the plane's detunings beyond the curve
 
 
 class HopfPoint(NamedTuple):
@@ -81,7 +80,7 @@ def threshold_plane(ring: RingResonator, model: ThermalModel) -> Threshold | Non
     detunings = curve["detuning"].values[power <= highest]
     first = float(detunings.min())
     last = float(detunings.max())
-    margin = BEYOND_CURVE * (last - first)
+    margin = 0.1 * (last - first)
     powers = (BELOW_THRESHOLD * lowest.power, highest)
     return Threshold(lowest, Window(powers, (first - margin, last + margin)))
 

@@ -93,13 +93,8 @@ def ring_in(text: str) -> RingResonator:
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
-GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before: 10 QUIET
-STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
-GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FEWEST = 8  # samples of a trace
-CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
-LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
@@ -246,7 +241,8 @@ def lasting(stable: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | No
     growth = float(rest.growth[k])
     if not growth < 0:
         which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
-        duration = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
+        # in 20 e-foldings what is left of a transient, some 1e-9, becomes as large as the ring allows
+        duration = max(LONGER * passed, passed + 20 / max(growth, 1e-300))
         return _slow(f"{stable.reason}, but {which} stable", duration, stable.swing, stable.cycles)
     if off <= SMALL_CHANGE:
         return stable
@@ -305,7 +301,8 @@ def _oscillating(train: Train, t: Array, drop: Array, dT: Array, *, noise: float
     pattern = train.pattern()
     tops = tops_of(heights, pattern)
     limit = amplitude_limit(tops)
-    if limit < GONE * tops[-1]:
+    # an oscillation whose limit is below a fifth of its last amplitude decays to rest
+    if limit < 0.2 * tops[-1]:
         reason = f"{cycles} cycles of an oscillation that dies away"
         return Pulsing(Regime.STABLE, reason, swing=swing, cycles=cycles)
     duration = _until_settled(tops, float(t[-1] - t[0]))
@@ -342,14 +339,16 @@ def _unsettled(unequal: float, drift: float, noise: float) -> str:
     changes = []
     if 10 * noise < unequal < np.inf:
         changes.append(f"cycles differ by {100 * unequal:.2g} %")
-    if abs(drift) > STEADY_PERIOD:
+    # a relative change of the period below 1e-5 from cycle to cycle counts as none
+    if abs(drift) > 1e-5:
         changes.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
     return f"; not settled: {', '.join(changes)}" if changes else ""
 
 
 def _errors(samples: float) -> str:
     """Say the largest errors that so many samples per cycle cause (measured)."""
-    if samples > CLEAR:
+    # the duty errs by up to 3.2 over the number of samples of a cycle (measured)
+    if samples > 320:
         return ""
     period = f"period within {50 / samples:.1g} %"
     duty = f"duty within {3.2 / samples:.1g}"
@@ -437,7 +436,8 @@ def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Puls
     change = _left_to_change(t, N) / top
     if change <= SMALL_CHANGE:
         earlier, later = np.ptp(np.interp(t[-1] - passed * EIGHTHS, t, N), axis=1)
-        if later > max(earlier, GROWS * top):
+        # a movement of 1e-3, ten times `QUIET`, counts where it was smaller before
+        if later > max(earlier, 1e-3 * top):
             return _slow(f"a movement of the {what} that grows instead of dying away", duration, swing, cycles)
         words = f"in the last quarter of the run the {what} change by {100 * change:.1g} % only"
         return Pulsing(Regime.STABLE, words, swing=swing, cycles=cycles)

@@ -23,7 +23,6 @@ from ..resonator import RingResonator, origin
 from ..states import State
 from ..thermal import Compact
 
-BEAT = 0.1  # of a beat, that a step may last
 QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
@@ -196,7 +195,8 @@ def _further_fields(resonances: list[RingResonator], fields: Mapping[float, Arra
 def _longest_step(light: Lights) -> float:
     """Return the longest step in ns that resolves the beat between lasers of one resonance."""
     beat = float(np.abs(light.turning).max())
-    return BEAT * 2 * math.pi / beat if beat else math.inf
+    # a step may last a tenth of a beat
+    return 0.1 * 2 * math.pi / beat if beat else math.inf
 
 
 def _event(event: Event | None) -> Crossing | None:

@@ -28,7 +28,6 @@ log = logging.getLogger("thermofem")
 
 DERIVED = ("loaded_q", "intrinsic_q", "heating")
 BLIND, OPEN = 1e-3, 0.05  # of the largest slope: none; share of a number along such directions that leaves it open
-UNKNOWN = 1.0  # deviations of a logarithm from which on a parameter is not determined
 SLOPE_STEP = 1e-5  # of an unknown, for the slopes of derived quantities
 
 
@@ -203,7 +202,8 @@ def _result(
     for name, s in zip((*search.names, *DERIVED), spread.relative, strict=True):
         value = every[name]
         size = search.linewidth if name == FREQUENCY else value
-        deviations[name] = float(s * size) if s < UNKNOWN else np.inf
+        # a logarithm uncertain by 1 or more is not determined
+        deviations[name] = float(s * size) if s < 1.0 else np.inf
     notes = [*level_doubts(samples), *doubts_of(search, end, deviations, misfit, correlations, other)]
     for note in notes:
         log.warning("%s", note)

@@ -30,11 +30,7 @@ from ..resonator import RingResonator
 
 DECIBELS = {"db": "dB", "dbm": "dBm"}
 ABSOLUTE = ("W", "1")
-LEAST_NOISE = 2e-3  # of the range of a sweep: smallest noise that is assumed
-FAINTEST = 1e-12  # of the largest output: the bottom of a curve in decibels
-SHALLOWEST = 0.99  # power of a dip on resonance, above which no rate into the bus is read from it
 TOP = 0.95  # quantile of a through port that stands for its level off resonance
-MOST_POWER = 1.5  # power at a port over that in the bus, above which a number without unit is no power in W
 # assumed deviations of the terms of a baseline: of the range or the level of a sweep, of its tilt, and both in dB
 OFFSET, TILT, LEVEL_DB, TILT_DB = 0.3, 0.5, 3.0, 3.0
 
@@ -82,7 +78,8 @@ class Sweep(NamedTuple):
         T = watts / curve.power if relative else watts
         if not self.decibels:
             return T
-        return 10 * np.log10(np.maximum(T, FAINTEST * T.max()))
+        # the bottom of a curve in decibels is at 1e-12 of its top
+        return 10 * np.log10(np.maximum(T, 1e-12 * T.max()))
 
     def baseline_terms(self, x: Array, output: Array) -> Array:
         """Terms of the baseline at points (x, output) of a curve, each times its assumed deviation; (terms, points)."""
@@ -142,7 +139,8 @@ def read_sweep(name: str, given: xr.Dataset, ring: RingResonator, noise: float |
     hertz = None if moves[1] else float(np.mean(nu))
     steps = np.abs(np.diff(x))
     half_step = float(np.median(steps[steps > 0])) / 2
-    deviation = max(noise_of(y), LEAST_NOISE * float(np.ptp(y))) if noise is None else factor * noise
+    # a noise of 0.2 % of the range is assumed at least
+    deviation = max(noise_of(y), 2e-3 * float(np.ptp(y))) if noise is None else factor * noise
     sweep = Sweep(x, y, port, unit, watts, hertz, half_step, deviation, 1.0)
     return _levelled(sweep) if sweep.free_level else sweep
 
@@ -173,7 +171,8 @@ def _unit(name: str, stated: Any, y: Array, power: float) -> tuple[str, float]:
     if y.mean() <= 0:
         where = "states no unit and" if stated is None else f"is in {unit} and"
         raise InputError(f"{name} {where} is negative on average, {y.mean():.3g}: no power of light", hint)
-    if stated is None and y.max() > MOST_POWER * power:
+    # a number without unit far above the bus power is no power in W
+    if stated is None and y.max() > 1.5 * power:
         hint = 'give its attribute units: "1" for a fraction of the bus power, "V" for a signal'
         raise InputError(f"{name} states no unit, and {y.max():.3g} W is more than the {power:.3g} W in the bus", hint)
     if unit in ("", "1"):
@@ -214,7 +213,8 @@ def with_seen_resonance(ring: RingResonator, sweeps: Sequence[xr.Dataset]) -> Ri
     total = pi * width
     bus = total * ring.bus_rate / ring.linear_rate
     if weakest.port == "through" and ring.drop_rate is not None:
-        lowest = float(np.clip(y[top], 0, SHALLOWEST))
+        # no rate into the bus is read from a dip above 99 % of the power
+        lowest = float(np.clip(y[top], 0, 0.99))
         bus = total * (1 - np.sqrt(lowest)) / 2
     factor = (total - bus) / (ring.linear_rate - ring.bus_rate)
     if ring.drop_rate is None:

@@ -24,9 +24,7 @@ from .slow_sweeps import ABSOLUTE
 from .transmission_search import End, Search, searched
 
 LOSSES = ("loss_rate", "scattering_rate", "drop_rate")
-AS_WELL = 9.0  # difference of the sums of squares, over the misfit squared, below which both fit: 3 deviations
 BEYOND_BOUND = 0.5  # of a logarithm, beyond the exchanged value, to which default bounds are widened
-APART = 0.02  # relative difference of the two answers, below which they are one
 
 
 def with_other_answer(
@@ -43,11 +41,13 @@ def with_other_answer(
     other = searched(wider, x)
     ring = search.build(end.x)[0]
     other_ring = wider.build(other.x)[0]
-    if abs(other_ring.bus_rate / ring.bus_rate - 1) < APART:
+    # two answers that differ by less than 2 % are one
+    if abs(other_ring.bus_rate / ring.bus_rate - 1) < 0.02:
         return search, end, None
     pairs = sorted([(end.cost, 0), (other.cost, 1)])
     misfit_squared = max(pairs[0][0] / max(end.r.size - end.x.size, 1), 1.0)
-    both_fit = pairs[1][0] - pairs[0][0] < AS_WELL * misfit_squared
+    # within three deviations both fit
+    both_fit = pairs[1][0] - pairs[0][0] < 9.0 * misfit_squared
     first_is_better = pairs[0][1] == 0
     keep_first = _over_coupled(ring) == _over_coupled(search.ring) if both_fit else first_is_better
     if keep_first:
@@ -108,11 +108,8 @@ def _over_coupled(ring: RingResonator) -> bool:
     return ring.bus_rate > ring.linear_rate - ring.bus_rate
 
 
-WORSE = 1.5  # misfit over the noise above which a note reports it
-SIGNIFICANT = 5.0  # deviations of the correlation of white residuals, 1/sqrt(n), above which it counts
 LARGE = 0.5  # root mean square of the residuals of a sweep: below, what is left is smaller than its noise
 LEVEL = 0.01  # of the input: offset of a through port in W or fractions, above which a note reports it
-STRONGEST = 0.95  # correlation that widens deviations the most
 CAUSES = (
     "fringes, a resonance split in two by backscatter (doublet), another resonance near by, or a saturated detector"
 )
@@ -135,9 +132,10 @@ def correlation_of(residual: Array) -> Correlation:
     if square < LARGE**2 * r.size:
         return Correlation(0.0, 1.0)
     value = float(r[1:] @ r[:-1]) / square
-    if value * np.sqrt(r.size) < SIGNIFICANT:
+    # the correlation of white residuals has the deviation 1/sqrt(n); five of them count
+    if value * np.sqrt(r.size) < 5.0:
         return Correlation(0.0, 1.0)
-    value = min(value, STRONGEST)
+    value = min(value, 0.95)
     return Correlation(value, float(np.sqrt((1 + value) / (1 - value))))
 
 
@@ -181,7 +179,7 @@ def doubts_of(
             f"the residuals of sweep {which} are correlated, by up to {strongest:.2f} from one sample to the next: the "
             f"model misses something, such as {CAUSES}; the deviations are widened"
         )
-    if misfit > WORSE:
+    if misfit > 1.5:
         notes.append(
             f"the curves miss the samples by {misfit:.3g} times their noise and steps: {CAUSES}; the deviations are "
             "widened by it, and hold no error of the model"

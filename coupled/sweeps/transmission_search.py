@@ -35,9 +35,6 @@ from ..thermal import as_read
 from ..unknowns import SPAN, check_apart, fitted_names, number_of, span_of, varied
 from .slow_sweeps import Sweep
 
-BASELINE_PASSES = 8  # of Gauss and Newton for a baseline, at most
-BASELINE_CHANGE = 1e-4  # change of a coefficient in its assumed deviations, below which they end
-
 
 class Nearest(NamedTuple):
     """Nearest points of a curve for the samples of a sweep.
@@ -81,14 +78,15 @@ def sweep_residuals(sweep: Sweep, x: Array, output: Array, *, robust: bool = Fal
     terms = sweep.baseline_terms(x, output)
     a = np.zeros(len(terms))
     near = nearest_points(sweep, x, output, terms)
-    for _ in range(BASELINE_PASSES if a.size else 0):
+    for _ in range(8 if a.size else 0):
         weight = 1 / np.sqrt(1 + near.distance**2) if robust else np.ones(sweep.x.size)
         weighted = near.slope * weight
         normal_matrix = weighted @ near.slope.T + np.eye(a.size)
         change = np.linalg.solve(normal_matrix, -weighted @ near.distance - a)
         a = a + change
         near = nearest_points(sweep, x, output + a @ terms, terms)
-        if np.abs(change).max() < BASELINE_CHANGE:
+        # in the assumed deviations of the coefficients
+        if np.abs(change).max() < 1e-4:
             break
     return near.distance, a
 
