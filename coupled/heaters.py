@@ -231,23 +231,26 @@ def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | N
     x = states_of(rate, power, edges, begin)
     # errors of a rise below 0.1 K are relative to that
     allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), 0.1)
-    slope = x[:-1]
-    for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
-        slope = factor * power.coefficients[:, [k]] - rate * slope
+    derivative = x[:-1]
+    for k, factorial in enumerate((1.0, 1.0, 2.0, 6.0)):  # of x, from the first to the fourth
+        derivative = factorial * power.coefficients[:, [k]] - rate * derivative
+    fourth = np.abs(derivative)
     weight = np.abs(gain) / allowed[:, None]
     lengths = np.diff(edges)
     nodes = []
     for k in range(0, lengths.size, TOGETHER):
         part = slice(k, k + TOGETHER)
-        nodes.append(_nodes(edges[:-1][part], lengths[part], np.abs(slope[part, None]) * weight, rate))
+        nodes.append(_nodes(edges[:-1][part], lengths[part], fourth[part, None] * weight, rate))
     t = np.append(np.concatenate(nodes), edges[-1])
     x = states_of(rate, power, t, begin)
-    on = power.on(t)
-    falling = x @ (gain * rate).T
+    driven = power.on(t)
+    values = x @ gain.T
+    decays = x @ (gain * rate).T
     total = gain.sum(axis=1)
-    first = np.multiply.outer(on.coefficients[:, 0], total) - falling[:-1]
-    last = np.multiply.outer(on.ends, total) - falling[1:]
-    return [hermite(t, *columns) for columns in zip((x @ gain.T).T, first.T, last.T, strict=True)]
+    first_slopes = np.multiply.outer(driven.coefficients[:, 0], total) - decays[:-1]
+    last_slopes = np.multiply.outer(driven.ends, total) - decays[1:]
+    parts = zip(values.T, first_slopes.T, last_slopes.T, strict=True)
+    return [hermite(t, *part) for part in parts]
 
 
 def _nodes(starts: Array, lengths: Array, bend: Array, rate: Array) -> Array:

@@ -156,14 +156,16 @@ def lights(
 ) -> Lights:  # fmt: skip
     """Collect lasers with their coupling to the fields of the rings, and convert them to the kernel's units.
 
-    frame: as of `Lights`; phases [rad] of the lasers at the start.
+    frame: as of `Lights`. phases [rad]: of the lasers at the start; 0 by default.
     detunings [rad/s]: of every field, angular frequency of its frame minus that of its resonance.
     entry [(fields, L), 1/sqrt(s)]: coupling of each laser amplitude to each field.
-    echoes: maps times of discontinuities to all times (s) at which they arrive, delays included.
+    echoes: maps times of discontinuities to all times (s) at which they arrive, delays included; by default they
+        arrive at once.
     """
     beats = [_difference(frequency, frequencies[k]) for frequency, k in zip(frequencies, frame, strict=True)]
     phase = integral(table(beats, 2 * np.pi * NS))
-    phase.coefficients[:, :, 0] += np.array(phases or 0.0)
+    if phases:
+        phase.coefficients[:, :, 0] += phases
     turning = table(detunings, NS)
     arrivals = echoes(joint(*powers))
     jumps = np.concatenate([arrivals, NS * turning.edges, NS * phase.edges])

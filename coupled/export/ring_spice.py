@@ -221,11 +221,13 @@ def _waves(circuit: Circuit, ports: list[str]) -> list[str]:
     for k, splitter in enumerate(circuit.splitters, len(circuit.names)):
         straight = math.sqrt(1 - splitter.cross)
         cross = math.sqrt(splitter.cross)
-        first = f"e__{2 * k}"
-        second = f"e__{2 * k + 1}"
-        for out, own, other in ((f"x__{2 * k}", first, second), (f"x__{2 * k + 1}", second, first)):
-            lines.append(f"B{out}_re {out}_re 0 V = {straight!r}*V({own}_re)-{cross!r}*V({other}_im)")
-            lines.append(f"B{out}_im {out}_im 0 V = {straight!r}*V({own}_im)+{cross!r}*V({other}_re)")
+        first = 2 * k
+        second = first + 1
+        for through, crossing in ((first, second), (second, first)):
+            out = f"x__{through}"
+            re = f"{straight!r}*V(e__{through}_re)-{cross!r}*V(e__{crossing}_im)"
+            im = f"{straight!r}*V(e__{through}_im)+{cross!r}*V(e__{crossing}_re)"
+            lines += [f"B{out}_re {out}_re 0 V = {re}", f"B{out}_im {out}_im 0 V = {im}"]
     lines += _rotated(entry[laser.stop], ports[0], laser.loss, repr(float(laser.phase)))
     for k, w in enumerate(circuit.waveguides):
         start = exit[w.start]
@@ -238,10 +240,12 @@ def _waves(circuit: Circuit, ports: list[str]) -> list[str]:
             angle += f"+{2 * math.pi * w.delay / NS!r}*(V(detuning)+({laser.offset / 1e9!r}))"
         lines += _rotated(entry[w.stop], start, w.loss, angle)
     lit = {laser.stop, *(w.stop for w in circuit.waveguides)}
-    for node in (node for terminal, node in entry.items() if terminal not in lit):
+    dark = [node for terminal, node in entry.items() if terminal not in lit]
+    for node in dark:
         lines += [f"V{node}_re {node}_re 0 0", f"V{node}_im {node}_im 0 0"]
     for port, terminal in zip(ports[1:], circuit.outputs.values(), strict=True):
-        lines += [f"E{port}_{part} {port}_{part} 0 {exit[terminal]}_{part} 0 1" for part in ("re", "im")]
+        node = exit[terminal]
+        lines += [f"E{port}_re {port}_re 0 {node}_re 0 1", f"E{port}_im {port}_im 0 {node}_im 0 1"]
     return lines
 
 

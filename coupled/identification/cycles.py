@@ -77,19 +77,24 @@ def still(mean: float) -> Cycle:
 
 
 def lag(model: Complex, measured: Complex) -> float:
-    """Time shift of the model's cycle, in periods, that maximises its correlation with the measured one."""
+    """Time shift s of the model's cycle m, in periods, that maximises its correlation with the measured one d.
+
+        C(s) = Re sum_k m_k d_k* exp(2 pi i k s)
+
+    The best of evenly spaced shifts is improved by Newton's method on C'.
+    """
     k = np.arange(1, model.size)
     products = model[1:] * measured[1:].conj()
-    n = 16 * model.size
-    correlation = np.fft.irfft(np.concatenate([[0], products]), n)
-    shift = float(np.argmax(correlation)) / n
+    shifts = 16 * model.size
+    correlation = np.fft.irfft(np.append(0, products), shifts)
+    shift = float(np.argmax(correlation)) / shifts
     for _ in range(4):
-        turning = products * np.exp(2j * np.pi * k * shift)
-        slope = float(np.sum(-k * turning.imag))
-        bend = float(np.sum(-(k**2) * turning.real))
-        if bend >= 0:
+        shifted = products * np.exp(2j * np.pi * k * shift)
+        slope = float(np.sum(-k * shifted.imag))
+        curvature = float(np.sum(-(k**2) * shifted.real))
+        if curvature >= 0:  # no maximum is near
             break
-        shift -= slope / bend / (2 * np.pi)
+        shift -= slope / curvature / (2 * np.pi)
     return shift
 
 

@@ -9,7 +9,7 @@ the deviation s_p of a held number adds is (s_p dq/dp)^2 of this total derivativ
 """
 
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -50,13 +50,6 @@ def moved_minimum(J: Array, change: Array, precision: Array | None = None) -> Ar
     """dx/dp of a least-squares minimum, shape (unknowns,), from J = dr/dx, dr/dp and the precision L of a prior."""
     normal_matrix = J.T @ J + (np.zeros((J.shape[1], J.shape[1])) if precision is None else precision)
     return np.asarray(-np.linalg.lstsq(normal_matrix, J.T @ change, rcond=None)[0])
-
-
-def central_difference(function: Callable[[float], Array], value: float, step: float) -> Array:
-    """Derivative of a function of one number by a central difference of a step."""
-    above = function(value + step)
-    below = function(value - step)
-    return (above - below) / (2 * step)
 
 
 def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> list[str]:

@@ -41,18 +41,6 @@ class Threshold(NamedTuple):
     window: Window
 
 
-def lowest_hopf(ring: RingResonator, model: ThermalModel) -> HopfPoint | None:
-    """Return the point of least power on the Hopf curves that bound a stable region; None where there is none.
-
-    Above a supercritical point the ring self-pulses. Where the curve is subcritical, it may do so below, too.
-    Looked for between `LOWEST_POWER` and `HIGHEST_POWER`, within `LINEWIDTHS` of the cold resonance.
-
-    Raises InputError: as `hopf_curves`.
-    """
-    threshold = threshold_plane(ring, model)
-    return None if threshold is None else threshold.lowest
-
-
 def hopf_plane(ring: RingResonator, model: ThermalModel) -> Window | None:
     """Return a plane that the Hopf curve fills: from its least power P to `TIMES_THRESHOLD` P; None without a curve.
 
@@ -102,9 +90,6 @@ def period_points(
     reference: ThermalModel,
     model: ThermalModel,
     plane: Window | None = None,
-    *,
-    duties: tuple[float, float] = DUTIES,
-    duration: float | None = None,
 ) -> xr.Dataset:
     """Return the period error of a model in a ring that self-pulses, at every point where both pulse.
 
@@ -119,16 +104,13 @@ def period_points(
     reference, model : ThermalModel
     plane : Window, optional
         first and last power (W) and detuning (Hz); by default `hopf_plane` of the reference.
-    duties : tuple of two floats
-        least and largest duty cycle, with the reference, of the points that are kept.
-    duration : float, s, optional
-        of traces from a cold ring, as of `pulsing_map`; by default settled cycles.
 
     Returns
     -------
     Dataset
-        over point: power (W), detuning (Hz), period (s, with the reference), period_model (s), error (s),
-        relative_error and duty. attrs loaded_q, and missed: points at which only the reference pulses.
+        over point, where the duty cycle with the reference is between the two `DUTIES`: power (W), detuning (Hz),
+        period (s, with the reference), period_model (s), error (s), relative_error and duty. attrs loaded_q, and
+        missed: points at which only the reference pulses.
 
     Raises
     ------
@@ -142,9 +124,9 @@ def period_points(
         raise InputError(f"ring {ring.name!r} has no Hopf curve with the reference", "it does not self-pulse")
     powers = np.geomspace(*window.powers, POWERS)
     detunings = np.linspace(*window.detunings, DETUNINGS)
-    expected = pulsing_map(ring, reference, powers, detunings, duration=duration)
-    found = pulsing_map(ring, model, powers, detunings, duration=duration)
-    least, largest = duties
+    expected = pulsing_map(ring, reference, powers, detunings)
+    found = pulsing_map(ring, model, powers, detunings)
+    least, largest = DUTIES
     in_range = (expected["duty"] >= least) & (expected["duty"] <= largest)
     pulses = np.isfinite(found["period"])
     period = expected["period"].where(in_range & pulses)
@@ -156,5 +138,5 @@ def period_points(
     for name in points:
         points[name].attrs = dataset.describe(str(name))
     return points.assign_attrs(
-        ring=ring.name, loaded_q=ring.loaded_q, missed=int((in_range & ~pulses).sum()), duties=list(duties)
+        ring=ring.name, loaded_q=ring.loaded_q, missed=int((in_range & ~pulses).sum()), duties=list(DUTIES)
     )

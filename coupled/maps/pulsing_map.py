@@ -322,32 +322,40 @@ def stored_rows(
     def store(row: int, cells: list[Cell]) -> None:
         rows[row] = cells
         content = [row, files.plain(cells)]
+        line = json.dumps([*content, files.digest_tree(content)[:16]])
         with (
             checks.prefixed(f"{path} cannot be written", OSError, hint="what it holds so far is kept"),
             path.open("a", encoding="utf-8") as stream,
         ):
-            stream.write(json.dumps([*content, files.digest_tree(content)[:16]]) + "\n")
+            stream.write(f"{line}\n")
 
     with files.locked(path.with_name(f".{path.name}.lock"), str(path)):
-        content = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
-        first, *lines = content.splitlines() or [""]
-        if first != head and (lines or not head.startswith(content)):  # a kill may cut off the head, too
-            content_head = _parsed(first)
-            stored = content_head if isinstance(content_head, dict) else {}
-            expected = json.loads(head)
-            other = sorted(k for k in {*stored, *expected} if stored.get(k) != expected.get(k))
+        text = files.read_bytes(path, "map").decode(errors="replace") if os.path.lexists(path) else ""
+        first, *lines = text.splitlines() or [""]
+        cut_off = not lines and head.startswith(text)  # by a kill, or a new file
+        if first != head and not cut_off:
             raise InputError(
-                f"{path} holds no rows of this map (different: {', '.join(other)}); give another file name"
+                f"{path} holds no rows of this map (different: {_differing(first, head)}); give another file name"
             )
-        good = [head]
+        sound = [head]
         for line in lines:
             row = _parsed(line)
             if isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]:
-                rows[row[0]] = [Cell._make(math.nan if value is None else value for value in cell) for cell in row[1]]
-                good.append(line)
-        if content != (whole := "".join(f"{line}\n" for line in good)):
+                number, cells, _ = row
+                rows[number] = [Cell._make(math.nan if value is None else value for value in cell) for cell in cells]
+                sound.append(line)
+        whole = "".join(f"{line}\n" for line in sound)
+        if text != whole:
             files.write_whole(path, lambda temporary: temporary.write_text(whole, encoding="utf-8"))
         yield rows, store
+
+
+def _differing(first: str, head: str) -> str:
+    """Names of what differs between the first line of a file and that of a map."""
+    parsed = _parsed(first)
+    stored = parsed if isinstance(parsed, dict) else {}
+    expected = json.loads(head)
+    return ", ".join(sorted(key for key in {*stored, *expected} if stored.get(key) != expected.get(key)))
 
 
 def _parsed(line: str) -> Any:

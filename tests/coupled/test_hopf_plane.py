@@ -10,7 +10,7 @@ from commands import thermofem
 import coupled
 import surrogate
 import thermofem as th
-from coupled.maps.hopf_plane import Window, hopf_plane, lowest_hopf, period_points
+from coupled.maps.hopf_plane import Window, hopf_plane, period_points, threshold_plane
 from coupled.ring_toml import write_text
 
 RING = coupled.borghi2021()
@@ -22,7 +22,7 @@ HIGH = replace(RING, bus_rate=(RING.omega / (2 * HIGH_Q) - RING.loss_rate) / 2)
 @pytest.mark.parametrize("ring", [RING, HIGH], ids=["low Q", "high Q"])
 def test_no_laser_below_the_lowest_hopf_point_makes_a_fixed_point_oscillate(ring):
     """The eigenvalues of the fixed points know nothing of the curve."""
-    lowest = lowest_hopf(ring, MODEL)
+    lowest = threshold_plane(ring, MODEL).lowest
     window = hopf_plane(ring, MODEL)
     detunings = np.sort(np.append(np.linspace(*window.detunings, 200), lowest.detuning))
     # 1e-3: the growth of a pair changes sign on the curve, linearly in the power
@@ -69,7 +69,7 @@ def test_the_default_plane_of_stability_has_the_threshold_inside(quality, tmp_pa
 
 def test_a_ring_with_newtons_law_of_65_ns_has_no_curve_and_no_points():
     quiet = surrogate.newton(tau_th=65e-9, heat_capacity=7.63e-12)
-    assert lowest_hopf(RING, quiet) is None
+    assert threshold_plane(RING, quiet) is None
     assert hopf_plane(RING, quiet) is None
     with pytest.raises(ValueError, match="has no Hopf curve"):
         period_points(RING, quiet, MODEL)
