@@ -227,7 +227,7 @@ def follow(
 
 def _frame_ahead(place: Place, ahead: Place) -> Array:
     """The frame of the next cycle, whose first row points away from the cycle before it."""
-    advance = ahead.nodes.x - place.nodes.x
+    advance = ahead.x - place.x
     return ahead.frame(advance * ahead.unit)
 
 
@@ -277,7 +277,7 @@ def _between(
                 out.append(Found(located, kind))
 
     def arclength(bifurcation: Found) -> float:
-        advance = bifurcation.place.nodes.x - place.nodes.x
+        advance = bifurcation.place.x - place.x
         return float(advance * place.unit @ rows[0])
 
     return sorted(out, key=arclength)

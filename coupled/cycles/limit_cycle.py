@@ -348,15 +348,18 @@ def continue_cycle(
 def _laser(guess: Any, power: float | None, detuning: float | None, turn: float) -> tuple[float, float]:
     """Power (W) and detuning (Hz) of the first cycle; ``turn`` is the resonance shift by constant heaters in Hz."""
     attrs = getattr(guess, "attrs", {})
-    of_cycle = attrs.get("input_power"), attrs.get("detuning", 0.0)
-    of_guess = laser_of(guess, turn) if is_hopf_point(guess) else of_cycle
-    P = of_guess[0] if power is None else power
-    nu = of_guess[1] if detuning is None else detuning
+    of_hopf_point = is_hopf_point(guess)
+    guessed = attrs.get("input_power"), attrs.get("detuning", 0.0)
+    if of_hopf_point:
+        guessed = laser_of(guess, turn)
+    guessed_power, guessed_detuning = guessed
+    P = guessed_power if power is None else power
+    nu = guessed_detuning if detuning is None else detuning
     if P is None:
         raise InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
     P = check_power(P)
     nu = check_detuning(nu)
-    if is_hopf_point(guess) and (P, nu) != of_guess:
+    if of_hopf_point and (P, nu) != guessed:
         raise InputError("power and detuning are those of the Hopf point given as guess; leave them out")
     return P, nu
 

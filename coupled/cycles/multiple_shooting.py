@@ -117,13 +117,18 @@ class Place(NamedTuple):
         return self.nodes.values
 
     @property
+    def x(self) -> Array:
+        """The unknowns."""
+        return self.nodes.x
+
+    @property
     def directions(self) -> Array:
         """W, shape (q, n + 1 + q), whose rows are tangents in (y_1, T, q), scaled by ``unit``."""
         return self.tangents.x * self.unit
 
     def frame(self, along: Array) -> Array:
         """Orthonormal basis of the tangent space, scaled and of the shape of W; first the projection of ``along``."""
-        basis = np.linalg.qr(self.directions.T)[0]
+        basis, _ = np.linalg.qr(self.directions.T)
         first = along @ basis / np.linalg.norm(along @ basis)
         return np.vstack([first, null_space(first[None]).T]) @ basis.T
 
@@ -239,7 +244,8 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
 
 def _along(problem: Problem, y: Array, size: Array) -> Array:
     """Unit vector of dy/dt at the state ``y``, scaled by the sizes of the states, shape (n,)."""
-    rate = problem.slopes(y)[0] / size
+    slope, _ = problem.slopes(y)
+    rate = slope / size
     return rate / np.linalg.norm(rate)
 
 

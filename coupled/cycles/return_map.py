@@ -125,12 +125,16 @@ class Flow:
             return rows[:, a + 2]
         return rows[:, a] ** 2 + rows[:, a + 1] ** 2
 
+    def at(self, rtol: float) -> Problem:
+        """The equations with the faster method at a tolerance."""
+        return self.rough if rtol >= MIDDLE else self.fine
+
     def run(
         self, y: Array, duration: float, rtol: float = ROUGH, *, level: float | None = None, above: bool = False,
         first_step: float = 0.0, per_step: int = 1,
     ) -> Run:  # fmt: skip
         """Integrate for ``duration`` ns, or up to the crossing where the section's quantity rises through ``level``."""
-        problem = self.rough if rtol >= MIDDLE else self.fine
+        problem = self.at(rtol)
         problem.edges[-1] = duration  # the drive is constant
         event = None if level is None else Crossing(self.quantity, level, True, self.ring, above)
         return problem.integrate(
@@ -184,7 +188,7 @@ class Flow:
 
     def derivative(self, trace: Trace, rtol: float) -> Array:
         """V = d(end)/d(start) along the steps of a trajectory, shape (n, n); ``rtol`` selects the method."""
-        problem = self.rough if rtol >= MIDDLE else self.fine
+        problem = self.at(rtol)
         V = np.eye(trace.end.size)
         for start, steps in trace.parts:
             _, V = problem.follow(start, steps, V)

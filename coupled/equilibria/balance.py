@@ -199,9 +199,13 @@ def balance(U: ArrayLike, ring: InternalRing) -> Balance:
     S, S_slope = dispersion(N, ring.fcd)
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
     shift_slope = -rates.thermal_shift * dT_slope - S_slope * N_slope - rates.kerr
-    gamma = field_loss(U, N, rates)
-    gamma_slope = rates.fca * N_slope + rates.tpa
+    gamma, gamma_slope = loss_and_slope(U, N, N_slope, rates)
     return Balance(N, P_abs, dT, shift, shift_slope, gamma, gamma_slope)
+
+
+def loss_and_slope(U: Array, N: Array, N_slope: Array, rates: Rates) -> tuple[Array, Array]:
+    """Return gamma(U, N(U)) and d(gamma)/dU."""
+    return field_loss(U, N, rates), rates.fca * N_slope + rates.tpa
 
 
 def peak(pump: ArrayLike, ring: InternalRing) -> Array:
@@ -212,8 +216,7 @@ def peak(pump: ArrayLike, ring: InternalRing) -> Array:
     def equation(x: Array) -> tuple[Array, Array]:
         U = np.exp(x)
         N, N_slope = carriers(U, rates)
-        gamma = field_loss(U, N, rates)
-        gamma_slope = rates.fca * N_slope + rates.tpa
+        gamma, gamma_slope = loss_and_slope(U, N, N_slope, rates)
         above_pump = x + 2 * np.log(gamma) - target
         slope = 1 + 2 * U * gamma_slope / gamma
         return above_pump, slope

@@ -120,12 +120,11 @@ class Linear:
         """
         t = checks.array("times", times, increasing=True)
         checks.between("times[0]", t[0], 0, np.inf, unit="s")
-        A, scale = self._balanced
+        A, B, C = self._balanced
         rates, V = np.linalg.eig(A)
-        B = self.B / scale[:, None]
         begin = np.linalg.solve(V, B.astype(complex))
         growth = np.expm1(rates * t[:, None]) / rates
-        output = (self.C * scale) @ V
+        output = C @ V
         values = (output @ (growth[:, :, None] * begin)).real + self.D
         about = {"units": "s", "long_name": "time"}
         return self._dataset("step", values, "time", t, about)
@@ -148,25 +147,22 @@ class Linear:
             import control
         except ImportError:
             raise MissingLibraryError('to_control needs python-control: pip install "thermofem[control]"') from None
-        A, scale = self._balanced if balanced else (self.A, np.ones(len(self.A)))
-        B = self.B / scale[:, None]
-        C = self.C * scale
+        A, B, C = self._balanced if balanced else (self.A, self.B, self.C)
         names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
         return control.ss(A, B, C, self.D, **names)
 
     @cached_property
-    def _balanced(self) -> tuple[Array, Array]:
-        """A in states of comparable size, x = scale x', with scales that are powers of two."""
-        balanced, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
-        return balanced, scale
+    def _balanced(self) -> tuple[Array, Array, Array]:
+        """A, B and C in states of comparable size, x = scale x', with scales that are powers of two."""
+        A, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
+        return A, self.B / scale[:, None], self.C * scale
 
     def _at(self, omega: Array) -> Complex:
         """C (i w - A)^-1 B + D at angular frequencies (rad/s), shape (frequencies, outputs, inputs)."""
-        A, scale = self._balanced
+        A, B, C = self._balanced
         shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A
-        B = self.B / scale[:, None]
         states = np.linalg.solve(shifted, B.astype(complex))
-        return np.asarray((self.C * scale) @ states + self.D)
+        return np.asarray(C @ states + self.D)
 
     def _dataset(self, name: str, values: Any, over: str, axis: Array, about: dict[str, str]) -> xr.Dataset:
         """Values of shape (axis, outputs, inputs) with the names and units of outputs and inputs."""

@@ -148,9 +148,10 @@ def _of_ring(ring: RingResonator, points: Resting, branch: int) -> tuple[Problem
     internal = points.internal
     here = balance(points.energy[branch], internal)
     D = points.detuned[branch]
-    pump = eq.internal_pump(ring, points.states.attrs["input_power"])
+    laser = points.states.attrs
+    pump = eq.internal_pump(ring, laser["input_power"])
     a = 1j * pump / (here.gamma - 1j * D)
-    light = [a.real, a.imag, float(here.N)]
+    light = [a.real, a.imag, here.N]
     system = bare(points.warm.rest.model)
     if not isinstance(system, StateSpace) or len(system.inputs) == len(system.outputs) == 1:
         problem = internal.problem
@@ -167,7 +168,7 @@ def _of_ring(ring: RingResonator, points: Resting, branch: int) -> tuple[Problem
     gain = B[:, lit][None] * (eq.UW * eq.NS)
     poles = PoleHeat(gain, rate[None] * eq.NS, C[seen][None])
     rings = eq.internal_rings([ring], pump, internal.model.thermal_resistance * eq.UW)
-    detuning = eq.internal_detuning(points.states.attrs["detuning"])
+    detuning = eq.internal_detuning(laser["detuning"])
     problem = Problem(rings, poles, Drive.constant(pump**2, detuning, 1.0), Method.RODAS4)
     heaters = {name: B[:, k] for k, name in enumerate(system.inputs) if k != lit}
     others = {name: C[k] for k, name in enumerate(system.outputs) if k != seen}
@@ -251,13 +252,14 @@ def _with_heaters(A: Array, optics: Optics, system: System) -> Array:
     poles = list(system.heat.heaters.values())
     if not poles:
         return A
-    rate = np.concatenate([one.rate for one in poles])
-    turned = (-1j * optics.shift * optics.fields)[:, None] * np.concatenate([one.gain for one in poles], axis=1)
-    whole = np.zeros((len(A) + rate.size, len(A) + rate.size))
-    whole[: len(A), : len(A)] = A
-    whole[: 3 * len(turned), len(A) :] = _rows(turned)
-    whole[len(A) :, len(A) :] = -np.diag(rate)
-    return whole
+    rate = np.concatenate([heater.rate for heater in poles])
+    gain = np.concatenate([heater.gain for heater in poles], axis=1)
+    per_kelvin = -1j * optics.shift * optics.fields
+    turned = _rows(per_kelvin[:, None] * gain)
+    coupling = np.zeros((len(A), rate.size))
+    coupling[: len(turned)] = turned
+    alone = np.zeros((rate.size, len(A)))
+    return np.block([[A, coupling], [alone, -np.diag(rate)]])
 
 
 def _picked(states: xr.Dataset, over: str, branch: int) -> xr.Dataset:

@@ -270,8 +270,9 @@ def sweep(
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:
     """Points of a curve in the range of its power or detuning, both ends included: U, D, power (W), detuning (Hz)."""
-    row = 2 if P.size > 1 else 3
-    ends = P if P.size > 1 else nu
+    by_power = P.size > 1
+    row = 2 if by_power else 3
+    ends = P if by_power else nu
     grid = np.linspace(low, high, CURVE_POINTS)
 
     def share(s: Array) -> Array:

@@ -18,7 +18,7 @@ def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array
     """
     low, high = ends
     rises = values[1] > 0
-    step = ends[1] - ends[0]
+    step = high - low
     done = np.zeros(low.shape, dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         secant = low - values[0] * step / (values[1] - values[0])

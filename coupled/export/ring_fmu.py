@@ -120,7 +120,8 @@ def _method_numbers(method: Method) -> str:
 
 def _script(path: Path, run: Demonstration, port: str) -> str:
     """Python source that runs the FMU of a ring in FMPy and writes a table of the power at ``port``."""
-    file, stem = plain_name(path.name), path.stem
+    file = plain_name(path.name)
+    stem = path.stem
     return f'''"""{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold.
 
 Writes {stem}_demo.csv: time in s, {port} power in W. Needs FMPy (pip install fmpy).

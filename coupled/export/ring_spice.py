@@ -184,7 +184,8 @@ def _heat_of_rings(
 ) -> tuple[list[str], list[str], list[tuple[str, str]]]:
     """Netlist lines and pins of the heat of all rings, and for each ring its pins (heated, read)."""
     rings = identifiers(circuit.names, taken=taken)
-    count, parts = len(rings), net.parts
+    count = len(rings)
+    parts = net.parts
     if count > 1 and len(parts) > 1 and len(model.outputs) == count <= len(model.inputs):
         own = list(model.inputs[:count])
         order = [own.index(ring) for ring in circuit.names] if {*own} == {*circuit.names} else range(count)

@@ -125,7 +125,8 @@ def _light(ring: RingPorts, read: str) -> list[str]:
 
 def _netlist(name: str, path: Path, run: Demonstration, ports: RingPorts, pins: list[str]) -> str:
     """A netlist of VACASK that runs the module from cold."""
-    step, port = run.largest_step(ports.rates), ports.output_port
+    step = run.largest_step(ports.rates)
+    port = ports.output_port
     file = plain_name(path.name)
     demo = f"{path.stem}_demo"
     return "\n".join(

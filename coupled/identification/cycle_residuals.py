@@ -78,27 +78,33 @@ def compared(own: Cycle, aim: Seen, stage: Stage, absolute: bool) -> tuple[Array
     First ln(T_model/T) over hypot(deviation, floor of the stage), then the differences of c_0 and of the real and
     imaginary parts of c_1 to c_32 over hypot(deviation, floor times the swing).
     """
-    trace, K = aim.cycle, np.arange(HARMONICS + 1) <= stage.harmonics
-    both = np.isfinite([own.period, trace.period])
-    aligned = own.shifted(lag(own.harmonics, trace.harmonics)) if both.all() else own
+    trace = aim.cycle
+    model_pulses, trace_pulses = np.isfinite([own.period, trace.period])
+    aligned = own
+    if model_pulses and trace_pulses:
+        aligned = own.shifted(lag(own.harmonics, trace.harmonics))
     if not absolute:
-        h = aligned.harmonics if both[1] else aligned.harmonics[:1]
-        factor = float(np.vdot(h, trace.harmonics[: h.size]).real / np.vdot(h, h).real)
+        model = aligned.harmonics if trace_pulses else aligned.harmonics[:1]
+        measured = trace.harmonics[: model.size]
+        factor = float(np.vdot(model, measured).real / np.vdot(model, model).real)
         aligned = Cycle(aligned.period, factor * aligned.harmonics)
-    off = (aligned.harmonics - trace.harmonics) * K
+    counted = np.arange(HARMONICS + 1) <= stage.harmonics
+    off = (aligned.harmonics - trace.harmonics) * counted
     level = abs(trace.harmonics[0])
-    if both[1]:
+    drift = 0.0
+    if trace_pulses:
         # a model at rest counts as one of three times the period
-        period = own.period if both[0] else 3.0 * trace.period
+        period = own.period if model_pulses else 3.0 * trace.period
         drift = np.log(period / trace.period) / np.hypot(aim.period_deviation, stage.period)
         scale = np.hypot(aim.deviations, stage.shape * trace.swing)
         scale[0] /= np.sqrt(2)  # the mean square over the cycle is |c_0|^2 + sum |c_k|^2/2
     else:
         # the noise of a trace at rest may hide a swing of 6 % of the mean
-        drift, scale = 0.0, np.full(K.size, 0.06 * level)
+        scale = np.full(off.size, 0.06 * level)
         scale[0] = np.hypot(aim.deviations[0], stage.shape * level)
-    parts = off / scale
-    return np.concatenate([[drift, parts[0].real], parts[1:].real, parts[1:].imag]), aligned
+    mean, *pulses = off / scale
+    rows = np.array([drift, mean.real])
+    return np.concatenate([rows, np.real(pulses), np.imag(pulses)]), aligned
 
 
 def residuals(what: Unknowns, targets: list[Target], stage: Stage) -> Residuals:
@@ -126,7 +132,8 @@ def comparison(
     curves = []
     notes = []
     for k, target in enumerate(targets):
-        (run, own), trace = free_run(ring, model, target), target.seen.cycle
+        run, own = free_run(ring, model, target)
+        trace = target.seen.cycle
         _, aligned = compared(own, target.seen, STAGES[-1], target.absolute)
         curves.append([cycle.curve(phase, smooth=True) for cycle in (trace, aligned)])
         off = aligned.curve(phase) - trace.curve(phase)

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -232,8 +233,8 @@ def _searched(
             twice = any(np.abs(end.x - other.x).max() < 0.03 for _, other, _ in found)
             found.append((_rms(end.r, end.x.size), end, start))
             if twice or found[-1][0] < NOISE_LEVEL:
-                return sorted(found, key=lambda one: one[0])
-    return sorted(found, key=lambda one: one[0])
+                return sorted(found, key=itemgetter(0))
+    return sorted(found, key=itemgetter(0))
 
 
 class Judgement(NamedTuple):
@@ -247,7 +248,8 @@ class Judgement(NamedTuple):
 
 def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
     """Test the best fit against the noise of the traces, from which the deviations follow."""
-    (misfit, end, start), others = found[0], found[1:]
+    best, *others = found
+    misfit, end, start = best
     if misfit > NOISE_LEVEL:
         return _failed(_soft_fit(what, targets, end.x), f"the traces by {misfit:.3g} times their noise")
     wide = curvature(what, targets, STAGES[-1], end.x, start)

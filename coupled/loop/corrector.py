@@ -125,7 +125,9 @@ class FEM:
         )
         self.field_times = kept
         self.fields: list[Array] = []
-        self.state, self.stored_before, self.max_discrepancy = self.field.start(), 0.0, max_discrepancy
+        self.state = self.field.start()
+        self.stored_before = 0.0
+        self.max_discrepancy = max_discrepancy
         self._tried: Any = None  # FieldState and fields
 
     def __repr__(self) -> str:
@@ -319,7 +321,9 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
     power[-1] = power[0]
     wave = PiecewiseCubic.of_spline(CubicSpline(time, power, bc_type="periodic"))
-    period, basis, C = float(time[-1]), fem.basis, fem.linear.C
+    period = float(time[-1])
+    basis = fem.basis
+    C = fem.linear.C
     if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
         raise InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
     E = fem.linear.E

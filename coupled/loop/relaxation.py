@@ -99,7 +99,8 @@ class Relaxation:
     def advance(self) -> Passed:
         """Advance by one window, halved until its relaxation converges."""
         while True:
-            start, stop = self.time, self.duration * (self.index + 1) / 2**self.level
+            start = self.time
+            stop = self.duration * (self.index + 1) / 2**self.level
             found, reason = self._window(start, stop)
             if found is not None:
                 self._accept(found)
@@ -117,7 +118,8 @@ class Relaxation:
     def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
         """Iterate one window from ``start`` to ``stop`` in s; return None and the reason if it does not converge."""
         offset: Any = self._guess(start, stop)
-        run, last = self._light(start, stop, offset), np.inf
+        run = self._light(start, stop, offset)
+        last = np.inf
         for passes in range(1, MOST_PASSES + 1):
             rise = self._asked(self.corrector.advance, run)
             self.passes += 1
@@ -151,7 +153,8 @@ class Relaxation:
         (`FEM.revise`), except for the part of the rise outside the Krylov basis (`FEM.remainder`). Returns the accepted
         window, or None if another pass is needed; then offset (K) and light of that next pass.
         """
-        revise, moved = getattr(self.corrector, "revise", None), np.inf
+        revise = getattr(self.corrector, "revise", None)
+        moved = np.inf
         # later windows magnify a change of the FEM's temperature that is left, so only 5 % are allowed
         close = 0.05 * self.max_discrepancy if revise else self.max_discrepancy
         if isinstance(self.corrector, FEM) and self.model is self.corrector.predictor:
@@ -162,7 +165,8 @@ class Relaxation:
         while True:
             discrepancy = float(np.abs(rise - run.delta_T).max())
             after = self._fed_back(run, offset, rise - run.delta_T)
-            again, last = self._light(*span, after), moved
+            again = self._light(*span, after)
+            last = moved
             moved = float(np.abs(CubicSpline(run.time, rise)(again.time) - again.delta_T).max())
             enough = moved <= close or not moved < last / 2
             if discrepancy <= self.max_discrepancy and (enough or revise is None):
@@ -216,9 +220,11 @@ class Relaxation:
 
     def _accept(self, found: Passed) -> None:
         self.corrector.accept()
-        self.state, self.first_step = found.run.final, found.run.step
+        self.state = found.run.final
+        self.first_step = found.run.step
         self.index += 1
-        self.rest, self.accepted = found.rest, float(found.delta_T[-1])
+        self.rest = found.rest
+        self.accepted = float(found.delta_T[-1])
         if self.background is not None:
             self.rest -= float(self.background(np.array([self.time]))[0])
         if found.passes > MANY:
