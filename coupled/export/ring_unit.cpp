@@ -101,16 +101,8 @@ static double light_output(const double* x, const double* in, unsigned which) {
   const double bus = sqrt(in[0] > 0 ? in[0] : 0) + in[2];
   const double through[2] = {bus - THROUGH * x[1], in[3] + THROUGH * x[0]};
   const double drop[2] = {in[4] - DROP * x[1], in[5] + DROP * x[0]};
-  switch (which) {
-    case 0: return drop[0] * drop[0] + drop[1] * drop[1];
-    case 1: return through[0] * through[0] + through[1] * through[1];
-    case 2: return absorbed(x, in);
-    case 3: return x[2] * 1e23;
-    case 4: return (x[0] * x[0] + x[1] * x[1]) * 1e-15;
-    case 5: return through[0];
-    case 6: return through[1];
-    case 7: return drop[0];
-    case 8: return drop[1];
-  }
-  return 0;
+  const auto square = [](const double* field) { return field[0] * field[0] + field[1] * field[1]; };
+  const double outputs[] = {square(drop), square(through), absorbed(x, in), x[2] * 1e23, square(x) * 1e-15,
+                            through[0], through[1], drop[0], drop[1]};
+  return outputs[which];
 }

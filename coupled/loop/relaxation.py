@@ -175,7 +175,8 @@ class Relaxation:
                 return Passed(run, rise, passes, discrepancy, moved, remaining), after, again
             if revise is None or enough or missed * moved > KNOTS * self.max_discrepancy:
                 return None, after, again
-            run, offset = again, after
+            run = again
+            offset = after
             rise = self._asked(revise, run)
 
     def _light(self, start: float, stop: float, offset: Any) -> Window:

@@ -185,10 +185,9 @@ class _Row:
         return bool(np.abs(unexpected).max() < aside / 2)
 
 
-def _pulsing(orbit: PeriodicOrbit, orbit_measures: Measures) -> Cell:
+def _pulsing(orbit: PeriodicOrbit, of_cycle: Measures) -> Cell:
     """Return the cell of a cycle from its measures."""
     words = f"settled cycle; a deviation shrinks to {orbit.size:.3g} of itself in a period"
     if orbit.pulses > 1:
         words += f"; {orbit.pulses} pulses in a period"
-    duty, swing, hottest = orbit_measures.duty, orbit_measures.swing, orbit_measures.hottest
-    return Cell(Regime.SELF_PULSING, orbit.T * NS, duty, swing, words, hottest)
+    return Cell(Regime.SELF_PULSING, orbit.T * NS, of_cycle.duty, of_cycle.swing, words, of_cycle.hottest)

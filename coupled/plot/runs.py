@@ -43,9 +43,9 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         heights = [1.9, 1.9, *(1.2 for _ in drives)]
         column = axes(None, (WIDTH, sum(heights)), len(heights), height_ratios=heights, sharex=True)
         style: Any = "-"
-        ax, right = column[0], column[1]
-        for below, (label, curves) in zip(column[2:], drives, strict=True):
-            _draw_drive(below, t, label, curves)
+        ax, right, *further = column
+        for panel, (label, curves) in zip(further, drives, strict=True):
+            _draw_drive(panel, t, label, curves)
         column[-1].set_xlabel(f"time ({time_unit})")
         right.spines["right"].set_visible(False)
         ax.spines["right"].set_visible(False)
@@ -136,7 +136,8 @@ def plot_sweep(run: xr.Dataset, show: str | None = None, ax: Axes | None = None)
     x, x_unit = readable(run[swept[0]].values, "Hz" if swept[0] == "detuning" else "W")
     y, y_unit = readable(run[show].values, "K" if show == "delta_T" else "W")
     first = _switched(run["time"].values)  # before it the light follows no detuning yet
-    x, y = x[first:], y[first:]
+    x = x[first:]
+    y = y[first:]
     rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)
     for label, part, colour in (("upwards", rising, HEAT), ("downwards", ~rising, LIGHT)):
         if part.any():
