@@ -319,7 +319,7 @@ def constant(
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
     selected = channels(model, wanted, heaters, heated, read)
-    settled = at_rest(model, checks.mapping("heaters", heaters))
+    settled = at_rest(model, heaters)
     gains = {AMBIENT: 1.0}
     for name, transfer in selected.transfers.items():
         gains[name] = transfer.thermal_resistance

@@ -153,13 +153,14 @@ class Rest(NamedTuple):
         return self.sources != self.powers
 
 
-def at_rest(model: Any, heaters: Mapping[str, Any]) -> Rest:
+def at_rest(model: Any, heaters: Mapping[str, Any] | None) -> Rest:
     """Powers of heaters under constant drives; numbers among them are powers already, or the ambient in K.
 
     dT_h = sum_g R_hg P_g + T_a,    P_h = p_h(dT_h)
 
     Raises InputError: as `resistive_heaters`, and a drive that is no number or out of range.
     """
+    heaters = checks.mapping("heaters", heaters)
     resistive = resistive_heaters(model, heaters)
     cold = {one.name: float(one.power(one.square, 0.0)) for one in resistive}
     powers = {name: cold[name] if name in cold else heater_power(name, value) for name, value in heaters.items()}

@@ -326,6 +326,9 @@ def _ring(values: dict[str, Any], folder: Path) -> RingResonator:
     return replace(ring, frequency=ring.frequency + values.get("shift", 0.0))
 
 
+LASERS = (LaserPort("in", "ring 1.in"),)  # of the circuits below
+
+
 def bus(
     rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
 ) -> Circuit:
@@ -354,7 +357,7 @@ def bus(
     between = _chain(n, "through", "in", loss, phase, delay)
     drops = [Detector(f"drop {k}", f"ring {k}.drop") for k, ring in enumerate(every, 1) if ring.drop_bus_rate]
     through = Detector("through", f"ring {n}.through")
-    return Circuit(every, between, (LaserPort("in", "ring 1.in"),), (through, *drops), name="bus")
+    return Circuit(every, between, LASERS, (through, *drops), name="bus")
 
 
 def scissor(
@@ -388,7 +391,7 @@ def scissor(
     if any(ring.drop_bus_rate for ring in every):
         ways += _chain(n, "drop", "add", loss, phase, delay, back=True)
         detectors.append(Detector("drop", "ring 1.drop"))
-    return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="scissor")
+    return Circuit(every, ways, LASERS, detectors, name="scissor")
 
 
 def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
@@ -419,7 +422,7 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
         checks.positive(f"drop_rate of ring {k}", ring.drop_bus_rate, hint="a second coupler leads to the next ring")
     ways = _chain(n, "drop", "in", 0.0, quarter) + _chain(n, "through", "add", 0.0, quarter, back=True)
     detectors = (Detector("through", "ring 1.through"), Detector("drop", f"ring {n}.drop"))
-    return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="crow")
+    return Circuit(every, ways, LASERS, detectors, name="crow")
 
 
 def _several(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:

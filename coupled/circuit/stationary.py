@@ -48,7 +48,7 @@ def circuit_steady_states(
     states = described(system, fixed_points(system, starts, seed))
     linear_rise = states["absorbed"].values * system.heat.thermal_resistance
     trusted(thermal, states["delta_T"].values, linear_rise)
-    rest = at_rest(thermal, checks.mapping("heaters", heaters))
+    rest = at_rest(thermal, heaters)
     return states.assign_attrs(system.heat.doubts, **rest.attributes)
 
 
@@ -82,7 +82,7 @@ def autonomous(
     numbers = {f"power[{name!r}]": watts for name, watts in powers.items()} | {"detuning": detuning}
     for name, value in numbers.items():
         checks.finite(name, value, hint="fixed points and limit cycles belong to a number")
-    rest = at_rest(thermal, checks.mapping("heaters", heaters))
+    rest = at_rest(thermal, heaters)
     if any(w.delay > 0 for w in circuit.waveguides):
         raise InputError("the circuit has delays; fixed points and limit cycles are for circuits without")
     names = [laser.name for laser in circuit.lasers]

@@ -12,7 +12,7 @@ from thermofem.plot import CYCLE, INK, WIDTH, axes as new_axes
 
 from ..identification.identify import Identification
 from ..sweeps.fit_transmission import TransmissionFit
-from .curves import HEAT, dbm, leaves, plot_bode, plot_branch, plot_transmission
+from .curves import HEAT, LEGEND, dbm, leaves, plot_bode, plot_branch, plot_transmission
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
 
@@ -60,7 +60,7 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
         ax.set_title(f"{drive}\n{periods}", fontsize="small")
         ax.set(xlabel="fraction of the period", xlim=(0, 1))
     column[0].set_ylabel(label)
-    column[0].legend(frameon=False, fontsize="small")
+    column[0].legend(**LEGEND)
     return column
 
 
@@ -91,7 +91,7 @@ def plot_transmission_fit(found: TransmissionFit, axes: Sequence[Axes] | None = 
         drive = "" if by_power else f"{dbm(np.asarray(sweep.attrs['power'])):.1f} dBm, "
         residual = float(np.sqrt(np.mean(sweep["residual"].values ** 2)))
         ax.set_title(f"{drive}residual {residual:.2g} of noise and step", fontsize="small", loc="left")
-    column[0].legend(frameon=False, fontsize="small")
+    column[0].legend(**LEGEND)
     return column
 
 
@@ -119,7 +119,7 @@ def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes
         ax.set(ylabel=label)
     for k, (one, panel) in enumerate(zip(names, every, strict=True)):
         panel.plot(values["time"] * 1e6, values.sel({over: one}), color=CYCLE[k % len(CYCLE)], label=str(one), lw=1)
-        panel.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        panel.legend(**LEGEND, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         panel.margins(x=0)
     every[-1].set(xlabel="time (µs)")
     return every[0]

@@ -27,6 +27,7 @@ from thermofem.plot import (
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip
 BRANCH = "a Dataset of coupled.continue_cycle"
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small"}
 
 
 def dbm(power: np.ndarray) -> np.ndarray:
@@ -105,7 +106,7 @@ def plot_transmission(
         ax.plot(swept * scale, output * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
     ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)
-    ax.legend(frameon=False, fontsize="small")
+    ax.legend(**LEGEND)
     return ax
 
 
@@ -161,7 +162,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
                 ax.plot(x[at], branch[edge].values[at] * 1e3, color="#7B2D8B", label="" if k else words, **style)
     ax.set(xlabel=label, ylabel="drop power (mW)")
     ax.set_ylim(bottom=0)
-    ax.legend(frameon=False, fontsize="small")
+    ax.legend(**LEGEND)
     return ax
 
 
@@ -201,7 +202,7 @@ def plot_bode(
     above.axhline(-3, color=INK, linewidth=0.6, linestyle=":")
     above.set(ylabel="magnitude (dB)", xlim=(f[0], f[-1]))
     above.set_ylim(bottom=max(above.get_ylim()[0], -80))
-    above.legend(frameon=False, fontsize="small")
+    above.legend(**LEGEND)
     above.set_title(f"from {given}", fontsize="small", loc="left")
     below.set(xlabel="frequency (Hz)", ylabel="phase (degrees)")
     for panel in (above, below):

@@ -11,7 +11,7 @@ from thermofem.data import quantity
 from thermofem.data.variables import contents
 from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes, readable
 
-from .curves import HEAT, LIGHT, joined, lit_port
+from .curves import HEAT, LEGEND, LIGHT, joined, lit_port
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; plot_rings and plot_ports draw that of a circuit"
 OTHERS = (GREEN, PURPLE, ORANGE)
@@ -115,7 +115,7 @@ def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarra
     ax.set_ylabel(f"{label} ({shown})" if len(label) < 10 else f"{label}\n({shown})")
     if label != "detuning":
         ax.set_ylim(bottom=0)
-        ax.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+        ax.legend(**LEGEND, loc="center left", bbox_to_anchor=(1.0, 0.5))
     ax.spines[["top", "right"]].set_visible(False)
 
 
@@ -147,6 +147,6 @@ def plot_sweep(run: xr.Dataset, show: str | None = None, ax: Axes | None = None)
     )
     ax.set_xlim(x.min(), x.max())
     ax.set_ylim(0, 1.05 * y.max() or None)
-    ax.legend(frameon=False, fontsize="small")
+    ax.legend(**LEGEND)
     ax.spines[["top", "right"]].set_visible(False)
     return ax
