@@ -12,7 +12,6 @@ from scipy.constants import c
 from thermofem import CrossSection, Foster, InputError, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
-from thermofem.fem.heat_problem import beyond_laws
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel, two_kinds
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
@@ -206,7 +205,7 @@ def _beyond(model: Any) -> dict[str, str]:
 
 @functools.lru_cache(64)
 def _beyond_laws(text: str) -> str:
-    return beyond_laws(CrossSection.from_toml_text(text))
+    return CrossSection.from_toml_text(text).beyond_laws()
 
 
 def notes_of(doubts: dict[str, Any]) -> tuple[str, ...]:

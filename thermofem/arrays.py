@@ -9,6 +9,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 Array: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
+Indices: TypeAlias = NDArray[np.intp]
+Mask: TypeAlias = NDArray[np.bool_]
 
 PIECE = 10_000_000  # numbers of an intermediate array
 FEWEST_RESIDUALS = 50  # of which an autocorrelation is estimated; fewer count as white noise
@@ -17,14 +19,14 @@ FEWEST_RESIDUALS = 50  # of which an autocorrelation is estimated; fewer count a
 def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> NDArray[Any]:
     """Evaluate ``function(x[..., None])`` in chunks, so that its (x.size, width) intermediate stays below `PIECE`."""
     if x.size * width <= PIECE:
-        return np.asarray(function(x[..., None]))
+        return function(x[..., None])
     count = -(-x.size * width // PIECE)
     pieces = np.array_split(x.ravel(), count)
     values = [function(piece[:, None]) for piece in pieces]
     return np.concatenate(values).reshape(x.shape)
 
 
-def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(holds: Mask) -> list[tuple[int, int]]:
     """First index of each run of true values, and the index after its last.
 
     >>> runs_of(np.array([True, True, False, True]))
@@ -57,4 +59,4 @@ def autocorrelation(residuals: Array) -> Array:
     pairs = rho[0::2] + rho[1::2]
     vanishing = np.flatnonzero(pairs <= 0)
     count = vanishing[0] if vanishing.size else pairs.size
-    return np.asarray(rho[1 : 2 * count])
+    return rho[1 : 2 * count]

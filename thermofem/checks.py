@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from .arrays import Array, ArrayLike
 from .errors import Hint, InputError, MissingLibraryError, one_line, prefixed, shown  # noqa: F401 - as checks.InputError
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
-LARGEST = 1e100  # of any number: products of three are floats
+LARGEST_NUMBER = 1e100  # of any number: products of three are floats
 LONGEST_NAME = 100  # characters
 POWER_HINT = Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
 MOST_POWER = 10.0  # W
@@ -30,7 +30,7 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     if not isinstance(value, str | bytes | bool | np.bool_):  # float() would take them
         with contextlib.suppress(TypeError, ValueError, OverflowError):
             number = float(value)
-    if number is None or not abs(number) <= LARGEST:
+    if number is None or not abs(number) <= LARGEST_NUMBER:
         rule = f"{shown(value)} is not a number" if number is None else f"{number:g} is not finite"
         raise InputError(_rule(f"{name} = {rule}", unit), hint)
     return number
@@ -80,8 +80,8 @@ def array(
     increasing: bool = False,
     empty: bool = False,
     hint: str = "",
-    most: float = LARGEST,
-) -> NDArray[np.float64]:
+    most: float = LARGEST_NUMBER,
+) -> Array:
     """Return ``value`` as a 1-D float array, or raise InputError if it is not finite or not increasing.
 
     An empty array is refused, too, unless ``empty``.
@@ -100,7 +100,7 @@ def array(
     return result
 
 
-def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST) -> NDArray[np.float64]:
+def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST_NUMBER) -> Array:
     """Return a copy of ``value`` as a float array of its own shape.
 
     Raises InputError: text, complex or Boolean values, one that is not finite or beyond ``most``.

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Any, Self
 
 MESSAGE = 1200  # characters of an error message
-VALUE = 80  # characters of a value in an error message
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -20,8 +19,8 @@ def one_line(text: str, *, most: int = MESSAGE) -> str:
     return line if len(line) <= most else f"{line[: most - 3]}..."
 
 
-def shown(value: Any, *, most: int = VALUE) -> str:
-    """``repr`` of any value, in one line and not longer than ``most`` characters.
+def shown(value: Any) -> str:
+    """``repr`` of any value, in one line of at most 80 characters.
 
     >>> shown(10**5000)
     'an int that is too long to print'
@@ -31,7 +30,7 @@ def shown(value: Any, *, most: int = VALUE) -> str:
     except (ValueError, RecursionError, MemoryError):  # an integer of more digits than Python prints, deep nesting
         name = type(value).__name__
         return f"a{'n' if name[0] in 'aeio' else ''} {name} that is too long to print"
-    return one_line(text, most=most)
+    return one_line(text, most=80)
 
 
 class Hint(str):

@@ -23,7 +23,6 @@ import numpy as np
 import xarray as xr
 from scipy.constants import Boltzmann, c as light_speed
 from scipy.linalg import matrix_balance, solve_continuous_lyapunov
-from scipy.sparse import csr_matrix
 
 from . import checks
 from .algebra.factor import factorize
@@ -34,7 +33,7 @@ from .fem import HeatProblem
 from .geometry.section_parts import LIGHT
 from .models import Foster, StateSpace
 from .models.contract import bare
-from .models.state_space import LARGEST, eigenmodes
+from .models.state_space import MOST_STATES, eigenmodes
 
 ROOM = 300.0  # K, the temperature of a model without a geometry
 CERTIFIED = 1e-4  # of Re Z at every frequency, where the space of a heat problem stops growing
@@ -107,7 +106,7 @@ def one_pole(frequency: Array, static: float, variance: float) -> Array:
     """S_T (K^2/Hz) of one pole with the same static density (K^2/Hz) and variance (K^2), tau = static/(4 variance)."""
     tau = static / (4 * variance)
     phase = 2 * np.pi * frequency * tau
-    return np.asarray(static / (1 + phase**2))
+    return static / (1 + phase**2)
 
 
 def linewidth(noise: xr.Dataset) -> float:
@@ -134,8 +133,8 @@ def _spectrum(heat: Any, omega: Array, read: str) -> Spectrum:
     if hasattr(heat, "thermal_forces"):
         return _of_linear(heat, omega, read)
     model = bare(heat)
-    if isinstance(model, StateSpace) and model.order > LARGEST:
-        return _certified(model.E, model.A, np.asarray(model.C[_output(model, read)]), omega)
+    if isinstance(model, StateSpace) and model.order > MOST_STATES:
+        return _certified(model, model.C[_output(model, read)], omega)
     return _of_poles(port_of("heat", model, read), omega, _reduction_error(heat, model, read))
 
 
@@ -150,7 +149,7 @@ def _reduction_error(heat: Any, model: Any, read: str) -> float:
     return float(heat.channel_bounds[output, model.inputs.index(part)])
 
 
-def port_of(name: str, model: Any, read: str = LIGHT) -> Foster:
+def port_of(name: str, model: Any, read: str) -> Foster:
     """The poles of a small model with one weight for heat and temperature, that of its output ``read``.
 
     name: of the argument in messages. A model with one output has no choice.
@@ -176,7 +175,8 @@ def _output(model: Any, read: str) -> int:
     """Index of the output that is read; the only one where ``read`` is the default."""
     if len(model.outputs) == 1 and read == LIGHT:
         return 0
-    return int(model.outputs.index(checks.choice("read", read, model.outputs)))
+    checks.choice("read", read, model.outputs)
+    return model.outputs.index(read)
 
 
 def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
@@ -187,7 +187,7 @@ def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
             "heat.with_light(th.light(heat, wavelength=1.55e-6).mode()) has, or read='core'",
         )
     system = heat.channels(heat.heated[0], read)
-    spectrum = _certified(system.E, system.A, np.asarray(system.C[0]), omega)
+    spectrum = _certified(system, system.C[0], omega)
     if read != LIGHT or heat.light is None:
         return spectrum
     nu = light_speed / heat.light.wavelength
@@ -196,14 +196,14 @@ def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
 
 def _of_poles(port: Foster, omega: Array, error: float) -> Spectrum:
     """Spectrum of a network; ``error`` is relative to the static value."""
-    phase = omega[:, None] * np.asarray(port.tau)
-    real = (np.asarray(port.R) / (1 + phase**2)).sum(axis=1)
+    phase = omega[:, None] * port.tau
+    real = (port.R / (1 + phase**2)).sum(axis=1)
     bound = np.full(omega.size, error * port.thermal_resistance)
     return Spectrum(real, bound, float(port.gain.sum()), None)
 
 
-def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:
-    """Spectrum of a large system from a rational Krylov space that grows until its error is bounded.
+def _certified(system: StateSpace, weight: Array, omega: Array) -> Spectrum:
+    """Spectrum of a mean of a large system from a rational Krylov space that grows until its error is bounded.
 
     With V the space, R = c - M V V^T c and r = c - (K + i w M) V y = phi R the residual of the reduced solution,
 
@@ -211,7 +211,7 @@ def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:
 
     which `surrogate.reduction.certified_space` derives; for s_j = 0 the root is 1.
     """
-    port = StateSpace(E, A, weight[:, None], weight[None])
+    port = StateSpace(system.E, system.A, weight[:, None], weight[None])
     space = four_shifts(port)
     for _ in range(MOST_ROUNDS):
         space.grow()
@@ -231,8 +231,7 @@ def _certified(E: Any, A: Any, weight: Array, omega: Array) -> Spectrum:
         bound = residual + NOISE_ROUND_OFF * real
         if np.all(bound <= CERTIFIED * real):
             break
-    solve = factorize(csr_matrix(E))
-    mean_square = weight @ solve(weight)
+    mean_square = weight @ factorize(space.M)(weight)
     return Spectrum(real, bound, float(mean_square), None)
 
 
@@ -242,7 +241,7 @@ def _smallest(space: Any, remainder: Array, omega: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(space.shifts > 0, space.shifts / omega[:, None], 0.0)
     bounds = squares * np.sqrt(1 + ratio**2)
-    return np.asarray(bounds.min(axis=1))
+    return bounds.min(axis=1)
 
 
 def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
@@ -276,7 +275,7 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
 def _described(spectrum: Spectrum, f: Array, temperature: float, read: str) -> xr.Dataset:
     """The Dataset of `thermal_noise`."""
     unit = 4 * Boltzmann * temperature**2
-    variance = Boltzmann * temperature**2 * spectrum.mean_square
+    variance = unit / 4 * spectrum.mean_square
     about = {"units": "K^2/Hz", "long_name": "bound of the error of S_T by the reduction"}
     variables = {
         "S_T": ("frequency", unit * spectrum.real, dataset.describe("S_T")),

@@ -30,9 +30,7 @@ CORE = "core"
 READS = (CORE, LIGHT)
 TIMES: Array = np.geomspace(1e-9, 1e-3, 61)  # s; steps are compared from 1 ns on
 REFUSED = 0.2  # largest difference of the two steps, relative
-COARSE = 1e-2  # accuracy of the mesh for the ratio of two steps
-MILLIWATT = 1e-3  # W
-SAME = 1e-4  # relative difference of wavelengths; 1e-2 moved the step of a strip under a polymer by up to 17 %
+SAME_WAVELENGTH = 1e-4  # relative difference; 1e-2 moved the step of a strip under a polymer by up to 17 %
 
 
 class GuidedMode(NamedTuple):
@@ -52,7 +50,8 @@ class GuidedMode(NamedTuple):
 
     def is_close(self, other: "GuidedMode") -> bool:
         """Whether both are one mode at one wavelength."""
-        return self.name == other.name and abs(self.wavelength / other.wavelength - 1) < SAME
+        change = abs(self.wavelength / other.wavelength - 1)
+        return self.name == other.name and change < SAME_WAVELENGTH
 
 
 class ReadsTemperature(Protocol):
@@ -61,22 +60,18 @@ class ReadsTemperature(Protocol):
     @property
     def name(self) -> str:
         """Label for messages."""
-        ...
 
     @property
     def frequency(self) -> float:
         """Cold resonance in Hz."""
-        ...
 
     @property
     def read(self) -> str:
         """The temperature that goes with its dn/dT, "core" or "light"."""
-        ...
 
     @property
     def mode(self) -> GuidedMode | None:
         """The mode whose temperature is "light"; None where it is not known."""
-        ...
 
 
 class Ratio(NamedTuple):
@@ -110,7 +105,7 @@ def check_read(
     heated: str,
     read: str,
     *,
-    mode: GuidedMode | None = None,
+    mode: GuidedMode | None,
     chosen: bool = False,
 ) -> dict[str, Any]:
     """Compare the output ``read`` of a model with the temperature that a ring reads; log a warning where they differ.
@@ -138,23 +133,25 @@ def check_read(
     InputError
         the two steps differ by more than 20 %, or both are "light", of two modes.
     """
-    seen = ring.mode or GuidedMode("", c / ring.frequency)
-    stated = mode or seen
+    ring_mode = ring.mode or GuidedMode("", c / ring.frequency)
+    model_mode = mode or ring_mode
     if ring.read == LIGHT == read:
-        if seen.is_close(stated) or ring.mode is None:
+        if ring.mode is None or ring_mode.is_close(model_mode):
             return {"read": read}
-        text = f"ring {ring.name!r} reads {LIGHT!r} of {seen}, and {LIGHT!r} of the thermal model is of {stated}"
+        text = (
+            f"ring {ring.name!r} reads {LIGHT!r} of {ring_mode}, and {LIGHT!r} of the thermal model is of {model_mode}"
+        )
         hint = ANOTHER_MODE
-        if seen.name != stated.name and not chosen:
+        if ring_mode.name != model_mode.name and not chosen:
             raise InputError(text, hint)
     elif LIGHT in (ring.read, read):
         text = f"ring {ring.name!r} reads the temperature {ring.read!r}, and the thermal model gives {read!r}"
         hint = HINTS[ring.read]
     else:
         return {"read": read}
-    output = stated if read == LIGHT else read
-    wanted = seen if ring.read == LIGHT else heated
-    ratio = _ratio(geometry, heated, output, wanted) if geometry else None
+    of_model = model_mode if read == LIGHT else read
+    of_ring = ring_mode if ring.read == LIGHT else heated
+    ratio = _ratio(geometry, heated, of_model, of_ring) if geometry else None
     if ratio is None:
         warning = f"{text}; how far they differ is not known, as the model does not hold its geometry"
         _log_once(warning)
@@ -183,13 +180,13 @@ def _log_once(warning: str) -> None:
 
 
 @functools.lru_cache(64)
-def _ratio(geometry: str, heated: str, output: str | GuidedMode, wanted: str | GuidedMode) -> Ratio | None:
-    """Ratio of the step of an output to that of the wanted one; None where no mode can be computed."""
+def _ratio(geometry: str, heated: str, of_model: str | GuidedMode, of_ring: str | GuidedMode) -> Ratio | None:
+    """Ratio of the step that the model reads to that which the ring reads; None where no mode can be computed."""
     try:
         # two temperatures differ by the field in the section: those of a racetrack as those of its bends
         bends = replace(CrossSection.from_toml_text(geometry), straight=0.0)
-        heat = assemble(bends, COARSE)
-        ratio = _step(heat, heated, output) / _step(heat, heated, wanted)
+        heat = assemble(bends, accuracy=1e-2)
+        ratio = _step(heat, heated, of_model) / _step(heat, heated, of_ring)
     except InputError:
         return None
     return Ratio(float(ratio.min()), float(ratio.max()))
@@ -211,5 +208,5 @@ def _step(heat: HeatProblem, heated: str, output: str | GuidedMode) -> Array:
         read = LIGHT
     else:
         read = output if output in heat.readable else source
-    found = solve(heat, Constant(MILLIWATT), TIMES, heated=source, read=read, rtol=1e-4)
-    return np.asarray(found.delta_T.values)
+    milliwatt = Constant(1e-3)
+    return solve(heat, milliwatt, TIMES, heated=source, read=read).delta_T.values

@@ -164,7 +164,7 @@ def _solved(
     single = isinstance(read, str)
     names = (read,) if isinstance(read, str) else tuple(read)
     attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol) | heat.stated_mode(names)
-    if beyond := heat.beyond_laws(float(run.outputs.max())):
+    if beyond := heat.geometry.beyond_laws(float(run.outputs.max())):
         log.warning(beyond)
         attributes["warning"] = beyond
     if not single:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import InputError, checks
+from thermofem.export.export_header import Format, checked
 from thermofem.export.fmi_unit import DURATION
-from thermofem.export.formats import Format, checked
 from thermofem.models import ThermalModel
 from thermofem.ring_temperature import GuidedMode, check_read
 

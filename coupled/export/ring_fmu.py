@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from thermofem.data.files import write_whole
-from thermofem.export.export_header import plain_name
+from thermofem.export.export_header import Target, plain_name
 from thermofem.export.fmi_unit import (
     DURATION,
     STEP,
@@ -21,7 +21,6 @@ from thermofem.export.fmi_unit import (
     row,
     write_unit,
 )
-from thermofem.export.formats import Target
 from thermofem.export.poles import poles_of
 from thermofem.models import ThermalModel
 

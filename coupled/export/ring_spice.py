@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from thermofem import InputError
-from thermofem.export.export_header import comment, identifiers, plain_name, write_texts
+from thermofem.export.export_header import Target, comment, identifiers, plain_name, write_texts
 from thermofem.export.fmi_unit import DURATION
-from thermofem.export.formats import Target
 from thermofem.export.poles import RCNetwork, rc_network
 from thermofem.export.spice_heat import NOISE, WORDS, heat_subcircuit
 from thermofem.models import ThermalModel

@@ -8,9 +8,8 @@ tolerances.
 import math
 from pathlib import Path
 
-from thermofem.export.export_header import comment, identifiers, plain_name, write_texts
+from thermofem.export.export_header import Target, comment, identifiers, plain_name, write_texts
 from thermofem.export.fmi_unit import DURATION
-from thermofem.export.formats import Target
 from thermofem.export.verilog_a_heat import KEYWORDS, heat_statements
 from thermofem.models import ThermalModel
 

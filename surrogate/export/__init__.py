@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from thermofem.export.formats import Format, checked
+from thermofem.export.export_header import Format, checked
 from thermofem.models import ThermalModel
 
 from . import fmu, pole_files, spice, verilog_a

@@ -4,8 +4,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from thermofem.export.export_header import Target
 from thermofem.export.fmi_unit import Source, c_compiler, pole_numbers, write_unit
-from thermofem.export.formats import Target
 from thermofem.export.poles import poles_of
 
 

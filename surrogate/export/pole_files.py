@@ -14,8 +14,7 @@ from scipy.io import savemat
 
 from thermofem import Quadratic, StateSpace
 from thermofem.data.files import write_whole
-from thermofem.export.export_header import comment
-from thermofem.export.formats import Target
+from thermofem.export.export_header import Target, comment
 from thermofem.export.poles import poles_of
 
 

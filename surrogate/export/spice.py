@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import Foster, InputError
-from thermofem.export.export_header import comment, identifiers, write_texts
-from thermofem.export.formats import Target
+from thermofem.export.export_header import Target, comment, identifiers, write_texts
 from thermofem.export.poles import rc_network
 from thermofem.export.spice_heat import NOISE, WORDS, heat_subcircuit, ladder
 from thermofem.models.cauer import cauer

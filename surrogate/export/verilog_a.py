@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from thermofem.export.export_header import comment, identifiers, write_texts
-from thermofem.export.formats import Target
+from thermofem.export.export_header import Target, comment, identifiers, write_texts
 from thermofem.export.poles import rc_network
 from thermofem.export.verilog_a_heat import KEYWORDS, heat_statements
 

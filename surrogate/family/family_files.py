@@ -159,7 +159,7 @@ def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
 
 
 def _not_negative(name: str, content: dict[str, Any]) -> float:
-    return checks.between(name, content[name], 0, checks.LARGEST)
+    return checks.between(name, content[name], 0, checks.LARGEST_NUMBER)
 
 
 def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:

@@ -23,7 +23,7 @@ from scipy.linalg import eigh
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store, completed
-from thermofem.data.files import LARGEST, digest, digest_tree
+from thermofem.data.files import LARGEST_FILE, digest, digest_tree
 from thermofem.fem import HeatProblem
 from thermofem.fem.assembly import meshed
 from thermofem.geometry.section_parts import LIGHT
@@ -117,15 +117,15 @@ def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
     Raises
     ------
     ValueError
-        no archive, a damaged one, one that unpacks to more than `LARGEST` bytes, or arrays that are not those
+        no archive, a damaged one, one that unpacks to more than `LARGEST_FILE` bytes, or arrays that are not those
         of the hash.
     """
     if raw[:4] != b"PK\x03\x04":  # NumPy would say how to run what is in it
         raise ValueError("no archive")
     try:
         with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
-            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST:
-                raise ValueError(f"more than {LARGEST} bytes unpacked")
+            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_FILE:
+                raise ValueError(f"more than {LARGEST_FILE} bytes unpacked")
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # of NumPy, zipfile, zlib or the reader of headers, whatever is damaged
         raise ValueError(str(error) or type(error).__name__) from None

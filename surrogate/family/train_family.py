@@ -21,7 +21,6 @@ from thermofem.arrays import Array
 from thermofem.campaign import campaign_file
 from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import digest, from_toml, read_toml, to_toml
-from thermofem.fem.heat_problem import beyond_laws
 from thermofem.geometry.section_parts import LIGHT
 
 from .affine_engine import AffineEngine, AffineMembers
@@ -255,7 +254,7 @@ def _beyond_laws(family: Family) -> str:
         if family.output_maps is not None:
             hot: Any = family.of_channel(family.named_channel(), dict(zip(box.names, row, strict=True)))
             rise = hot.largest_rise
-        if text := beyond_laws(box.geometry(row), rise):
+        if text := box.geometry(row).beyond_laws(rise):
             return text
     return ""
 

@@ -32,7 +32,7 @@ from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.geometry.resistor import known_resistor, recorded
 from thermofem.models import HasModel
-from thermofem.models.state_space import LARGEST
+from thermofem.models.state_space import MOST_STATES
 
 from .ring_pairs import (
     SAME_DISTANCE,
@@ -278,7 +278,7 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
 
 def diagonal_system(rate: Array, B: Array, C: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> StateSpace:
     """The system dx/dt = -rate x + B P, dT = C x; its matrices are sparse from 500 states on."""
-    full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
+    full = np.diag if rate.size <= MOST_STATES else partial(diags, format="csc")
     return StateSpace(full(np.ones(rate.size)), full(-rate), B, C, inputs=inputs, outputs=outputs)
 
 

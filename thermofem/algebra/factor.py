@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import qdldl
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, diags, triu
 from scipy.sparse.linalg import splu
 
 from .. import checks
+from ..arrays import Array, Indices
 
-Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Solve = Callable[[Array], Array]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
 SINGULAR = "a matrix of the heat problem is singular; is a boundary held, and every heat capacity positive?"
@@ -122,17 +122,17 @@ class Pencil:
             with self._lock:
                 self._spare += solvers
 
-    def entries(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def entries(self, matrix: Any) -> tuple[Indices, Array]:
         """Indices (as used by `replace`) and values of the entries of a symmetric matrix on and above its diagonal."""
         place, data = _upper_triangle(matrix)
         return np.searchsorted(self._pattern, place), data
 
     @property
-    def rows_and_columns(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def rows_and_columns(self) -> tuple[Indices, Indices]:
         """Row and column of each entry of the pattern."""
         return self._indices, self._pattern // self._shape[0]
 
-    def replace(self, E: NDArray[np.float64], K: NDArray[np.float64]) -> None:
+    def replace(self, E: Array, K: Array) -> None:
         """Replace the values of E and K on the same sparsity pattern; all factors are dropped."""
         with self._lock:
             self._data = np.stack([E, K])
@@ -143,7 +143,7 @@ class Pencil:
         """Whether factors of a E + b K are kept."""
         return _key(a, b) in self._factors
 
-    def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, a: float, b: float, rhs: Array) -> Array:
         """(a E + b K)^-1 rhs, with a and b rounded to 10 digits, so that it does not depend on earlier solves."""
         key = _key(a, b)
         with self._lock:
@@ -184,7 +184,7 @@ def _key(a: float, b: float) -> tuple[float, float]:
     return float(f"{a:.9e}"), float(f"{b:.9e}")
 
 
-def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def _upper_triangle(matrix: Any) -> tuple[Indices, Array]:
     """Positions (column n + row, increasing) and values of a symmetric matrix's entries on and above its diagonal."""
     matrix = csr_matrix(matrix)  # its rows are its columns
     matrix.sum_duplicates()

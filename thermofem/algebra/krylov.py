@@ -48,11 +48,11 @@ class Basis:
     @cached_property
     def vectors(self) -> Array:
         """M-orthonormal modes V = fields rotation, shape (n, k)."""
-        return np.asarray(self.fields @ self.rotation)
+        return self.fields @ self.rotation
 
     def read(self, C: Array) -> Array:
         """C V for functionals C, shape (outputs, n), without forming V."""
-        return np.asarray((C @ self.fields) @ self.rotation)
+        return C @ self.fields @ self.rotation
 
     def reduced(self, system: StateSpace) -> StateSpace:
         """The reduced model with the inputs and outputs of ``system``."""
@@ -136,13 +136,14 @@ class Rounds(KrylovSpace):
         stiffness = self.stiffness[:size, :size]
         inside = self.inside[:size]
         if constant and size < len(V):
-            one = np.ones((len(V), 1))
-            w, _ = orthonormal(one, self.M, V, self.MV[:, :size], smallest=self.smallest)
+            ones = np.ones((len(V), 1))
+            w, _ = orthonormal(ones, self.M, V, self.MV[:, :size], smallest=self.smallest)
             Kw = self.K @ w
             across = V.T @ Kw
+            corner = w.T @ Kw
             V = np.column_stack([V, w])
             inside = np.vstack([inside, w.T @ self.B])
-            stiffness = np.block([[stiffness, across], [across.T, w.T @ Kw]])
+            stiffness = np.block([[stiffness, across], [across.T, corner]])
         # slow fields come first: this triangle keeps the slow rates, and with them the heat balance, to 1e-11
         rate, rotation = np.linalg.eigh(stiffness, UPLO="U")
         return Basis(rate, rotation.T @ inside, V, rotation)
@@ -182,8 +183,8 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     B = np.asarray(system.B, dtype=float)
     M = csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
-    gain = np.einsum("ij,ij->j", B, x)
-    content = np.einsum("ij,ij->j", x, M @ x)
+    gain = _products(B, x)
+    content = _products(x, M @ x)
     for name, values in (("static gain", gain), ("heat content", content)):
         checks.positive(name, values.min(), hint=REFUSAL)
     slowest = (gain / content).min()
@@ -198,8 +199,8 @@ def slopes(M: Any, B: Array) -> Array:
     """
     checks.positive("diagonal of E", M.diagonal().min(), unit="J/K", hint=REFUSAL)
     lumped = B / M.diagonal()[:, None]
-    inertia = np.einsum("ij,ij->j", lumped, M @ lumped)
-    return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
+    inertia = _products(lumped, M @ lumped)
+    return _products(B, lumped) ** 2 / inertia
 
 
 def orthonormal(
@@ -219,7 +220,7 @@ def orthonormal(
     Raises InputError: M not positive definite.
     """
     MW = M @ W
-    size = _squares(W, MW)
+    size = _products(W, MW)
     checks.positive("heat content of a field", size.min(), hint=REFUSAL)
     inside = MV.T @ W
     W = (W - V @ inside) / np.sqrt(size)
@@ -228,10 +229,10 @@ def orthonormal(
     basis = np.empty((W.shape[0], count), order="F")
     M_basis = np.empty((W.shape[0], count), order="F")
     for k in range(count):
-        outside = _squares(W, MW)
+        outside = _products(W, MW)
         if outside.max() <= ADDS_MUCH:  # differences of M W know lengths no better
             MW = M @ W
-            outside = _squares(W, MW)
+            outside = _products(W, MW)
         pivot = int(np.argmax(outside))
         if outside[pivot] <= smallest:
             return basis[:, :k], M_basis[:, :k]
@@ -253,9 +254,9 @@ def orthonormal(
     return basis, M_basis
 
 
-def _squares(W: Array, MW: Array) -> Array:
-    """Squared M-norm of each column, shape (p,)."""
-    return np.asarray(np.einsum("ij,ij->j", W, MW))
+def _products(V: Array, W: Array) -> Array:
+    """v . w of every pair of columns, shape (p,); of W and M W the squared M-norms of the fields W."""
+    return np.einsum("ij,ij->j", V, W)
 
 
 def symmetric_part(matrix: Array) -> Array:

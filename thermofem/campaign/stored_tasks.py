@@ -135,8 +135,8 @@ def _in_pool(
 
 
 @contextlib.contextmanager
-def processes(count: int | None = None) -> Iterator[Executor]:
-    """Worker processes as an Executor, one for each CPU by default; they end with the block, at once after an error."""
+def processes(count: int | None) -> Iterator[Executor]:
+    """``count`` worker processes (None: one for each CPU); they end with the block, at once after an error."""
     # 10 s: an idle worker ends, also where its parent was killed
     pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=10, env=ONE_THREAD, initializer=_begin)
     try:

@@ -30,7 +30,6 @@ __all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "
 
 log = logging.getLogger("thermofem")
 
-KINDS = ("transient", "periodic")
 TRAINING = "a Dataset of time, delta_T, and power or the waveform that heated"
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
@@ -175,7 +174,8 @@ def response_of(data: xr.Dataset) -> Response:
     else:
         wave = waveforms.Sampled(times, data["power"].values)
     _check_times(wave, times, rise)
-    periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
+    kind = checks.choice("data.attrs['kind']", data.attrs.get("kind"), ("transient", "periodic"), default="transient")
+    periodic = kind == "periodic"
     if periodic:
         _check_one_period("data.time", times, wave)
     doubts = contradictions(data, wave, times, rise, periodic=periodic)

@@ -28,7 +28,7 @@ from . import quantity
 
 T = TypeVar("T")
 
-LARGEST = 200_000_000  # bytes of a file that is read whole; a StateSpace of 500 states has 30 million
+LARGEST_FILE = 200_000_000  # bytes of a file that is read whole; a StateSpace of 500 states has 30 million
 LARGEST_TOML = 1_000_000  # characters; tomllib takes microseconds for each
 DEPTH = 40  # of tables and lists in one another; our own files reach 8
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
@@ -53,7 +53,7 @@ def regular(path: str | Path, kind: str = "") -> Path:
     raise checks.InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
 
 
-def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
+def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_FILE) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
     with checks.prefixed(f"{kind} file {str(path)!r} cannot be read", OSError):
@@ -61,7 +61,7 @@ def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
         return path.read_bytes()
 
 
-def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
+def read_text(path: str | Path, kind: str, *, most: int = LARGEST_FILE) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
     content = read_bytes(path, kind, most=most)
     with checks.prefixed(f"{kind} file {str(path)!r} cannot be read", UnicodeDecodeError, hint="it must be UTF-8"):
@@ -180,7 +180,7 @@ def digest_tree(tree: Any) -> str:
     return digest(json.dumps(tree, sort_keys=True).encode())
 
 
-def lines_of(text: str, *, most: int = 4000) -> list[str]:
+def lines_of(text: str) -> list[str]:
     """Text as printable ASCII lines for a comment in any program's file.
 
     No line ends in a backslash, which some programs read as a continuation.
@@ -189,7 +189,7 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
     ['a', '.include b\\\\x00']
     """
     pieces = str(text).splitlines() or [""]
-    lines = [checks.one_line(piece, most=most) for piece in pieces]
+    lines = [checks.one_line(piece, most=4000) for piece in pieces]
     ascii_lines = (line.encode("ascii", "backslashreplace").decode() for line in lines)
     return [f"{line} ." if line.endswith("\\") else line for line in ascii_lines]
 

@@ -89,7 +89,7 @@ def positive(text: Any, unit: str, *, name: str = "value") -> float:
     return _from(SMALLEST, "must be larger than zero", text, unit, name)
 
 
-def not_negative(text: Any, unit: str, *, name: str = "value") -> float:
+def not_negative(text: Any, unit: str, *, name: str) -> float:
     """`parse`, and InputError where the quantity is below zero."""
     return _from(0.0, "must not be negative", text, unit, name)
 
@@ -101,7 +101,7 @@ def _from(least: float, rule: str, text: Any, unit: str, name: str) -> float:
     return value
 
 
-def positive_rise(text: Any, *, name: str = "value") -> float:
+def positive_rise(text: Any, *, name: str) -> float:
     """`positive` of a difference of temperatures in K; InputError for degrees Celsius, whose 1 degC is 274.15 K."""
     value = positive(text, "K", name=name)
     if str(text).rstrip().endswith(("degC", "°C")):

@@ -1,21 +1,54 @@
-"""Header of every exported file: the model, its geometry, its error and its units."""
+"""What exports of heat and of rings share: formats, checked arguments, and the header of every file."""
 
 import re
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.io import loadmat
 
-from thermofem import __version__
-from thermofem.checks import InputError
-from thermofem.data.files import lines_of, write_whole
-from thermofem.models import ThermalModel
+from thermofem import __version__, checks
+from thermofem.data.files import check_target, lines_of, write_whole
+from thermofem.models import HasModel, ThermalModel, bare
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
-MOST = 4000  # bytes of a file within which it stands
+
+
+class Format(NamedTuple):
+    """A format of exported files.
+
+    ending: the usual one of its files.
+    write: of heat ``write(model, target)``, of a ring ``write(ring, model, target, run)``; returns the path.
+    demonstration: ending of the file NAME_demo that runs an exported ring; "" where there is none.
+    """
+
+    ending: str
+    write: Callable[..., Path]
+    demonstration: str = ""
+
+
+class Target(NamedTuple):
+    """The file to write, and what every writer may need.
+
+    header: lines about the model, its error and its geometry (`header`).
+    fmi, platforms: version of FMI, 2 or 3, and names of `fmi_unit.PLATFORMS`.
+    """
+
+    path: Path
+    header: list[str]
+    fmi: int
+    platforms: Sequence[str]
+
+
+class Export(NamedTuple):
+    """Checked arguments of an export: its format, the model itself, what is known of it, and the target."""
+
+    format: Format
+    model: Any
+    provenance: Mapping[str, Any]
+    target: Target
 
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
@@ -40,14 +73,15 @@ def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
 def is_export(path: Path) -> bool:
     """Whether a file is one that `surrogate.export_model` or `coupled.export_ring` wrote: its header says so."""
     mark = MARK.encode()
+    first = 4000  # bytes of a file, within which the header stands
     try:
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as unit, unit.open("modelDescription.xml") as file:
-                return mark in file.read(MOST)
+                return mark in file.read(first)
         if path.suffix == ".mat":
             return mark in str(loadmat(path, variable_names=["header"]).get("header")).encode()
         with path.open("rb") as file:
-            return mark in file.read(MOST)
+            return mark in file.read(first)
     except Exception:  # a file of any other program
         return False
 
@@ -90,7 +124,7 @@ def write_texts(path: Path, text: str, deck: str, ending: str) -> Path:
 def plain_name(name: str) -> str:
     """Return a file name that a SPICE deck can include; InputError unless it has only letters, digits and _ . + -."""
     if not re.fullmatch(r"\w[\w.+-]*", name, flags=re.ASCII):
-        raise InputError(f"path = {name!r} is included by a deck; take letters, digits and _ . + - for its name")
+        raise checks.InputError(f"path = {name!r} is included by a deck; take letters, digits and _ . + - for its name")
     return name
 
 
@@ -108,3 +142,33 @@ def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]
         used.add(word.lower())
         result.append(word)
     return result
+
+
+def checked(
+    model: Any,
+    path: str | Path,
+    formats: Mapping[str, Format],
+    to: str | None,
+    *,
+    provenance: Mapping[str, Any] | None,
+    fmi: int,
+    platforms: Sequence[str],
+) -> Export:
+    """Check the arguments of an export; without ``to`` the ending of the path names the format.
+
+    Raises InputError: an unknown format, no thermal model, or a path that cannot be written.
+    """
+    path = Path(path)
+    if to is None:
+        endings = {format.ending: name for name, format in formats.items()}
+        checks.choice("the ending of path", path.suffix, endings, hint="or give to, such as to='spice'")
+        to = endings[path.suffix]
+    checks.choice("to", to, formats)
+    check_target(path)
+    checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
+    checks.integer("fmi", fmi, 2, 3)
+    if provenance is None:
+        provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
+    about = checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")
+    model = bare(model)
+    return Export(formats[to], model, about, Target(path, header(model, about), fmi, platforms))

@@ -25,8 +25,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from thermofem import checks
 from thermofem.data.files import write_whole
 
-from .export_header import identifiers
-from .formats import Target
+from .export_header import Target, identifiers
 from .poles import Poles
 
 log = logging.getLogger("thermofem")

@@ -50,12 +50,11 @@ def poles_of(model: Any) -> Poles:
             f"a {type(model).__name__} is not a set of independent poles: the format mat takes it; the others take "
             "Foster, StateSpace, Network, Cauer and OutputMap"
         )
-    R = np.asarray(small.linear.R)
-    tau = np.asarray(small.linear.tau)
-    kept = R != 0
-    share = np.ones((1, int(kept.sum())))
-    gain = (R / tau)[kept, None]
-    return Poles(1 / tau[kept], gain, share, model.inputs, model.outputs, small.coefficient)
+    reached = small.linear.R != 0
+    rate = 1 / small.linear.tau[reached]
+    gain = small.linear.gain[reached, None]
+    share = np.ones((1, rate.size))
+    return Poles(rate, gain, share, model.inputs, model.outputs, small.coefficient)
 
 
 def _of_state_space(model: StateSpace) -> Poles:
@@ -67,13 +66,15 @@ def _of_state_space(model: StateSpace) -> Poles:
             "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or to='mat'",
         )
     rate, vectors = eigenmodes(model)
-    B = vectors.T @ np.asarray(model.B)
-    C = np.asarray(model.C) @ vectors
+    B = vectors.T @ model.B
+    C = model.C @ vectors
     scale = np.abs(C).max(axis=0)
-    kept = (scale > 0) & np.any(B != 0, axis=1)
-    rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
-    order = np.argsort(-rate)
-    return Poles(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], model.inputs, model.outputs)
+    used = (scale > 0) & B.any(axis=1)
+    order = np.argsort(np.where(used, -rate, np.inf))[: used.sum()]  # fastest first, unused ones left out
+    scale = scale[order]
+    B = B[order] * scale[:, None]
+    C = C[:, order] / scale
+    return Poles(rate[order], B, C, model.inputs, model.outputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +107,15 @@ class RCNetwork:
 
 def rc_network(model: Any, *, taken: Iterable[str]) -> RCNetwork:
     """RC network of a model of independent poles; pins are named after the parts, without the names in ``taken``."""
-    found = poles_of(model)
-    parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
+    poles = poles_of(model)
+    parts = list(dict.fromkeys([*poles.inputs, *poles.outputs]))
     pins = identifiers(parts, taken=taken)
-    heated = [parts.index(p) for p in found.inputs]
-    read = [parts.index(p) for p in found.outputs]
-    if len(parts) == 1 and not found.coefficient:  # one pin and a linear model
-        size, shares = found.B[:, 0] * found.C[0], None
+    heated = [parts.index(p) for p in poles.inputs]
+    read = [parts.index(p) for p in poles.outputs]
+    if len(parts) == 1 and not poles.coefficient:  # one pin and a linear model
+        size = poles.B[:, 0] * poles.C[0]
+        shares = None
     else:
-        size = np.abs(found.B).max(axis=1)
-        shares = found.B / size[:, None]
-    return RCNetwork(size / found.rate, 1 / size, shares, found.C, parts, pins, heated, read, found.coefficient)
+        size = np.abs(poles.B).max(axis=1)
+        shares = poles.B / size[:, None]
+    return RCNetwork(size / poles.rate, 1 / size, shares, poles.C, parts, pins, heated, read, poles.coefficient)

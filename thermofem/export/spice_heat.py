@@ -4,12 +4,11 @@ A model that reads the part that it heats is a Foster network. One of several pa
 and one C for each pole; controlled sources couple them to the pins.
 """
 
-import itertools
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .poles import RCNetwork
 
 # names of nodes and subcircuits that ngspice takes for the ground, the temperature or the kind of a source
@@ -29,46 +28,54 @@ def heat_subcircuit(name: str, net: RCNetwork) -> list[str]:
 
 def ladder(name: str, pin: str, resistances: Any, capacities: Any, *, foster: bool) -> list[str]:
     """Subcircuit of R and C from pin to ambient: each C parallel to its R (Foster), or to the ambient (Cauer)."""
-    R = np.asarray(resistances).tolist()
-    C = np.asarray(capacities).tolist()
-    nodes = [pin, *(f"n__{k}" for k in range(1, len(R))), "ambient"]
     lines = [f".subckt {name} {pin} ambient"]
-    for k, ends in enumerate(itertools.pairwise(nodes)):
-        resistor = f"R{k + 1} {' '.join(ends)} {R[k]!r}"
-        capacitor = f"C{k + 1} {ends[0]} {ends[1] if foster else 'ambient'} {C[k]!r}"
+    count = len(resistances)
+    node = pin
+    for k, (R, C) in enumerate(zip(resistances, capacities, strict=True), start=1):
+        after = f"n__{k}" if k < count else "ambient"
+        foot = after if foster else "ambient"
+        resistor = f"R{k} {node} {after} {float(R)!r}"
+        capacitor = f"C{k} {node} {foot} {float(C)!r}"
         lines += [resistor, capacitor] if foster else [capacitor, resistor]
+        node = after
     return [*lines, f".ends {name}"]
 
 
-def _coupled(name: str, net: RCNetwork, shares: NDArray[np.float64]) -> list[str]:
+def _coupled(name: str, net: RCNetwork, shares: Array) -> list[str]:
     """Subcircuit with one R and C for each pole; controlled sources couple it to power and temperature of every pin."""
-    lines = [f".subckt {name} {' '.join(net.pins)} ambient"]
-    for i, pin in enumerate(net.pins):
-        lines += _pin(i, pin, net)
-    for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1):
-        lines += [f"R{k} x__{k} ambient {float(R)!r}", f"C{k} x__{k} ambient {float(C)!r}"]
-        for i, at in enumerate(net.heated):
-            if shares[k - 1, i]:
-                lines.append(f"F{k}_{i + 1} ambient x__{k} Vpin{at + 1} {float(shares[k - 1, i])!r}")
+    pins = " ".join(net.pins)
+    lines = [f".subckt {name} {pins} ambient"]
+    for number, pin in enumerate(net.pins):
+        lines += _pin(number, pin, net)
+    for k, (R, C) in enumerate(zip(net.R, net.C, strict=True)):
+        pole = f"x__{k + 1}"
+        lines.append(f"R{k + 1} {pole} ambient {float(R)!r}")
+        lines.append(f"C{k + 1} {pole} ambient {float(C)!r}")
+        for i, pin_number in enumerate(net.heated):
+            share = float(shares[k, i])
+            if share:
+                lines.append(f"F{k + 1}_{i + 1} ambient {pole} Vpin{pin_number + 1} {share!r}")
     return [*lines, f".ends {name}"]
 
 
-def _pin(i: int, pin: str, net: RCNetwork) -> list[str]:
+def _pin(number: int, pin: str, net: RCNetwork) -> list[str]:
     """Netlist lines of one pin: a source that senses its power, and sources that sum the poles to its temperature."""
-    shares = net.read_by(i)
+    i = number + 1
+    shares = net.read_by(number)
     if shares is None:
-        return [f"* {pin} is heated, but not read: it stays at 0 K", f"Vpin{i + 1} {pin} ambient 0"]
-    note = [] if i in net.heated else [f"* {pin} is only read: power into it is lost"]
-    first = "z__" if net.coefficient else "p__"
+        return [f"* {pin} is heated, but not read: it stays at 0 K", f"Vpin{i} {pin} ambient 0"]
+    lines = [] if number in net.heated else [f"* {pin} is only read: power into it is lost"]
+    lines.append(f"Vpin{i} {pin} p__{i} 0")
+    first = f"z__{i}" if net.coefficient else f"p__{i}"
     used = np.flatnonzero(shares)
-    nodes = [f"{first}{i + 1}", *(f"p{i + 1}__{k + 1}" for k in used[:-1]), "ambient"]
-    sums = [
-        f"E{i + 1}_{k + 1} {nodes[n]} {nodes[n + 1]} x__{k + 1} ambient {float(shares[k])!r}"
-        for n, k in enumerate(used)
-    ]
     if not used.size:
-        sums.append(f"V{nodes[0]} {nodes[0]} ambient 0")  # no pole reaches it: it stays at 0 K
+        lines.append(f"V{first} {first} ambient 0")  # no pole reaches it: it stays at 0 K
+    node = first
+    for k in used:
+        after = "ambient" if k == used[-1] else f"p{i}__{k + 1}"
+        lines.append(f"E{i}_{k + 1} {node} {after} x__{k + 1} ambient {float(shares[k])!r}")
+        node = after
     if net.coefficient:
-        z = f"V({nodes[0]},ambient)"
-        sums.append(f"Bmap{i + 1} p__{i + 1} ambient V={z}+({net.coefficient!r})*{z}*{z}")
-    return [*note, f"Vpin{i + 1} {pin} p__{i + 1} 0", *sums]
+        z = f"V({first},ambient)"
+        lines.append(f"Bmap{i} p__{i} ambient V={z}+({net.coefficient!r})*{z}*{z}")
+    return lines

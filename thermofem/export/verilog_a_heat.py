@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
-import numpy as np
 from scipy.constants import Boltzmann
+
+from thermofem.arrays import Array
 
 from .poles import RCNetwork
 
@@ -62,7 +63,7 @@ def _series(net: RCNetwork) -> Statements:
     return Statements([*inner, *branches], [*poles, *noise])
 
 
-def _coupled(net: RCNetwork, shares: np.ndarray) -> Statements:
+def _coupled(net: RCNetwork, shares: Array) -> Statements:
     """Declarations and statements of one node for each pole, coupled to power and temperature of the pins."""
     count = range(1, net.R.size + 1)
     lines = [f"thermal {', '.join(f'node__{k}' for k in count)};"]
@@ -72,9 +73,9 @@ def _coupled(net: RCNetwork, shares: np.ndarray) -> Statements:
     lines = []
     for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1):
         lines.append(_store(k, R, C))
-        for i, at in enumerate(net.heated):
-            if shares[k - 1, i]:
-                lines.append(f"Pwr(pole__{k}) <+ -({float(shares[k - 1, i])!r} * Pwr(pin__{at}));")
+        for pin, share in zip(net.heated, shares[k - 1], strict=True):
+            if share:
+                lines.append(f"Pwr(pole__{k}) <+ -({float(share)!r} * Pwr(pin__{pin}));")
     for i, _ in enumerate(net.pins):
         reads = net.read_by(i)
         if reads is None:  # heated, but not read: it stays at 0 K

@@ -25,18 +25,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask
 from ..geometry.cross_section import CrossSection
+from ..geometry.regions import SIDES
 from ..geometry.ring_sections import strip_ring
-from ..mesh import Mesh, committed_mesh, make, mesh_for
+from ..materials.material_library import VOID
+from ..mesh import Mesh, committed_mesh, load, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.mesh_motion import Motion, quality
 from ..optics.modes import Light
 from .error_estimate import Estimate
 from .heat_problem import HeatProblem
-from .own_mesh import own_mesh
 from .surfaces import resistances, split, surfaces_of
 from .weak_forms import Discretization, discretize, properties
 
@@ -46,7 +49,6 @@ LEADER_MARGIN = 0.9  # of the accuracy, for the mesh that is moved
 FLATTEST = 0.05  # of `mesh_motion.quality`; flatter triangles are not worth an estimate
 DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
 
-DRAWN = 1e-3  # accuracy of the heat mesh that `light` makes for a geometry
 COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve
 
 AIM = 0.8  # of the error allowed, at which refinement aims
@@ -58,14 +60,14 @@ log = logging.getLogger("thermofem")
 _thread = threading.local()  # one thread works on one geometry at a time
 
 
-def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
+def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float, rounds: int = ROUNDS) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS`, `MOST_UNKNOWNS` or `FINEST` end that before.
+    The log says so where ``rounds``, `MOST_UNKNOWNS` or `FINEST` end that before.
     """
     resistance = resistances(geometry)
     finer = mesh
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         mesh = finer
         heat = on_mesh(geometry, split(mesh, resistance), accuracy)
         estimate = heat.estimate()
@@ -76,20 +78,15 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
             break
         finer = smaller
     if estimate.largest > accuracy:
-        _warn_of_error(heat, estimate)
+        log.warning(
+            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
+            geometry.name,
+            heat.unknowns,
+            estimate.largest,
+            accuracy,
+            _corner(estimate),
+        )
     return heat, mesh
-
-
-def _warn_of_error(heat: HeatProblem, estimate: Estimate) -> None:
-    """Log that the mesh of a heat problem leaves a larger error than its accuracy."""
-    log.warning(
-        "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
-        heat.geometry.name,
-        heat.unknowns,
-        estimate.largest,
-        heat.accuracy,
-        _corner(estimate),
-    )
 
 
 def _corner(estimate: Estimate) -> str:
@@ -116,7 +113,7 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
     surfaces = surfaces_of(geometry, mesh, resistances(geometry))
     discretization = discretize(mesh, *properties(geometry, mesh), surfaces, degree=degree)
     heat = HeatProblem(geometry, mesh, discretization, accuracy)
-    return heat.reading(*(probe.name for probe in geometry.probes))
+    return heat.reading(*heat.probes)
 
 
 def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
@@ -147,7 +144,7 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
     return mesh
 
 
-def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def marked(estimate: Estimate, target: float, stuck: Mask) -> Mask:
     """Select the triangles to divide, shape (triangles,).
 
     stuck [shape (triangles,)]: triangles that must not be divided. They may take at most half of the target, whatever
@@ -165,20 +162,20 @@ def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_]) -> NDArr
     return chosen
 
 
-def _touching(mesh: Mesh, point: tuple[float, float]) -> NDArray[np.bool_]:
+def _touching(mesh: Mesh, point: tuple[float, float]) -> Mask:
     """Which triangles have a corner at the point (r, z), shape (triangles,)."""
     here = (mesh.points == point).all(axis=1)
-    return np.asarray(here[mesh.triangles].any(axis=1))
+    return here[mesh.triangles].any(axis=1)
 
 
 def _longest(mesh: Mesh) -> Array:
     """Length in m of the longest edge of each triangle."""
     corners = mesh.points[mesh.triangles]
     edges = corners - np.roll(corners, 1, axis=1)
-    return np.asarray(np.linalg.norm(edges, axis=-1).max(axis=1))
+    return np.linalg.norm(edges, axis=-1).max(axis=1)
 
 
-def _largest(share: Array, aim: float) -> NDArray[np.bool_]:
+def _largest(share: Array, aim: float) -> Mask:
     """The fewest triangles whose division brings the sum of error shares to ``aim``, with at most `BULK` of it."""
     order = np.argsort(share)[::-1]
     so_far = np.cumsum(share[order])
@@ -191,7 +188,7 @@ def _largest(share: Array, aim: float) -> NDArray[np.bool_]:
     return chosen
 
 
-def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
+def refined(mesh: Mesh, marked: Mask) -> Mesh:
     """The mesh with the marked triangles divided in four equal ones, and neighbours as needed.
 
     mesh: without nodes that are doubled along contacts. Its points are the first ones of the result.
@@ -272,32 +269,84 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3, *, mesh: Mesh | str
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    checks.finite("accuracy", accuracy)
-    heat = meshed(geometry, accuracy)[0] if mesh is None else _on_own_mesh(geometry, own_mesh(geometry, mesh), accuracy)
-    if beyond := heat.beyond_laws():
+    sizes(accuracy)
+    if mesh is None:
+        heat, _ = meshed(geometry, accuracy)
+    else:
+        heat, _ = adapted(geometry, own_mesh(geometry, mesh), accuracy, rounds=1)
+    if beyond := geometry.beyond_laws():
         log.warning(beyond)
     return heat.lit
 
 
-def _on_own_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
-    """Return the heat problem on a mesh that is not refined; the log says where its error is above the accuracy."""
-    sizes(accuracy)
-    heat = on_mesh(geometry, split(mesh, resistances(geometry)), accuracy)
-    estimate = heat.estimate()
-    if estimate.largest > accuracy:
-        _warn_of_error(heat, estimate)
-    return heat
+OTHER_DOMAIN = "matrices of any other domain enter as th.StateSpace(E, A, B, C)"
+
+
+def own_mesh(geometry: CrossSection, mesh: Mesh | str | Path) -> Mesh:
+    """Return a mesh, of a file if it is a path, after checks that it fills the domain of the geometry.
+
+    Its triangles say what shape a layer or part has; the geometry says of what it is made, and what the sides do.
+
+    Raises InputError: groups that the geometry does not have, a heated part without triangles, an outline that is not
+    that of the geometry.
+    """
+    if not isinstance(mesh, Mesh):
+        mesh = load(checks.path("mesh", mesh))
+    materials = {layer.name: layer.material for layer in geometry.layers}
+    materials |= {part.name: part.material for part in geometry.parts}
+    solid = [name for name, material in materials.items() if material != VOID]
+    for name in mesh.region_names:
+        checks.choice("mesh: group", name, solid, hint="groups are named after layers and parts of the geometry")
+    for name in geometry.heated:
+        checks.choice("mesh: heated part", name, mesh.region_names, hint="each heated part needs a group of triangles")
+    _check_outline(geometry, mesh)
+    return mesh
+
+
+def _check_outline(geometry: CrossSection, mesh: Mesh) -> None:
+    """Check that the outline of a mesh, without holes, lies on the sides of the geometry, and reaches all of them."""
+    ends = mesh.points[_outline(mesh)]
+    r, z = ends.mean(axis=1).T
+    on_side = np.array([geometry.on_boundary(side, r, z) for side in SIDES])
+    outside = ~on_side.any(axis=0)
+    if outside.any():
+        k = int(np.argmax(outside))
+        raise checks.InputError(
+            f"the outline of the mesh at r = {r[k]:g} m, z = {z[k]:g} m lies on no side of {geometry.name!r}; its "
+            "layers and outer_radius must be those of the mesh",
+            OTHER_DOMAIN,
+        )
+    corners = geometry.subdivision.corners
+    span = np.array([ends.min(axis=(0, 1)), ends.max(axis=(0, 1))])
+    expected = np.array([corners.min(axis=0), corners.max(axis=0)])
+    # 1e-6: gmsh's files round coordinates
+    if np.abs(span - expected).max() > 1e-6 * np.abs(expected).max():
+        (r0, z0), (r1, z1) = span
+        raise checks.InputError(
+            f"the mesh spans r = {r0:g} to {r1:g} m and z = {z0:g} to {z1:g} m, not the domain of {geometry.name!r}",
+            OTHER_DOMAIN,
+        )
+
+
+def _outline(mesh: Mesh) -> Indices:
+    """Return the facets of the outer loop of a mesh, shape (facets, 2): those connected to its outermost vertex."""
+    grid = mesh.skfem
+    facets = grid.facets[:, grid.boundary_facets()]
+    count = len(mesh.points)
+    graph = coo_matrix((np.ones(facets.shape[1]), facets), shape=(count, count))
+    _, loop = connected_components(graph, directed=False)
+    outermost = facets[0, np.argmax(mesh.points[facets[0], 0])]
+    return facets[:, loop[facets[0]] == loop[outermost]].T
 
 
 def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """`assemble`, and the mesh without the cuts of contacts."""
     sizes(accuracy)
-    committed = committed_mesh(geometry, accuracy)
-    if committed:
-        return adapted(geometry, committed, accuracy)
-    leader = _strip(accuracy) if _like_a_strip(geometry) else None
-    followed = leader and leader.follow(geometry)
-    return followed or adapted(geometry, make(geometry, accuracy), accuracy)
+    followed = None
+    if _like_a_strip(geometry) and not committed_mesh(geometry, accuracy):
+        leader = _strip(accuracy)
+        followed = leader and leader.follow(geometry)
+    return followed or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
 
 
 def light(
@@ -331,7 +380,7 @@ def light(
     checks.instance("section", section, CrossSection, HeatProblem, hint=hint)
     if isinstance(section, HeatProblem):
         return Light.of(section, wavelength, part, order)
-    circle = meshed(replace(section, straight=0.0), DRAWN)[0]
+    circle, _ = meshed(replace(section, straight=0.0), accuracy=1e-3)
     return replace(Light.of(circle, wavelength, part, order), geometry=section)
 
 
@@ -340,14 +389,13 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
 
     Raises InputError, MissingLibraryError: as `assemble`.
     """
-    if not base:
-        return meshed(geometry, accuracy)[0]
-    if getattr(_thread, "key", None) != (base, accuracy):
+    if base and getattr(_thread, "key", None) != (base, accuracy):
         _thread.key = base, accuracy
         _thread.leader = None
         with suppress(checks.InputError):  # the base geometry itself cannot be solved
-            _thread.leader = Leader(CrossSection.from_toml_text(base), accuracy)
-    if _thread.leader is None:
+            origin = CrossSection.from_toml_text(base)
+            _thread.leader = Leader(origin, accuracy)
+    if not base or _thread.leader is None:
         return meshed(geometry, accuracy)[0]
     followed = _thread.leader.follow(geometry)
     heat, _ = followed or adapted(geometry, mesh_for(geometry, accuracy), accuracy)

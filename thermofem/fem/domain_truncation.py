@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..algebra.factor import factorize
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask, NDArray
 from ..mesh import Mesh
 from .surfaces import Surfaces, line_source, resistances, surface_terms, surfaces_of
 from .weak_forms import capacity, discretize, properties
@@ -47,7 +47,7 @@ class Wider:
     """
 
     discretization: Discretization
-    place: NDArray[np.intp]
+    place: Indices
     beyond: Any
 
     def resistance(self, heat: HeatProblem, heated: str, read: str) -> tuple[float, float]:
@@ -112,24 +112,24 @@ def _sink(heat: HeatProblem, mesh: Mesh) -> Array:
     dr, dz = (middles - heat.discretization.surfaces.source).T
     u = np.hypot(dr, dz) / L
     numerator = 1 - u / np.hypot(1, u)
-    return np.asarray(numerator / (L**2 * u * line_source(u)))
+    return numerator / (L**2 * u * line_source(u))
 
 
 def _steps(ratio: float) -> Array:
     """Distances of the outer ends of the added layers of elements, from above 1 to ``ratio``, in geometric steps."""
     count = int(np.ceil(np.log(ratio) / np.log(LAYER_RATIO)))
-    return np.asarray(np.geomspace(1, ratio, count + 1)[1:])
+    return np.geomspace(1, ratio, count + 1)[1:]
 
 
 def _extended(
     points: Array,
     triangles: NDArray[np.int64],
-    owner: NDArray[np.intp],
+    owner: Indices,
     axis: int,
     at: float,
     levels: Array,
     slack: float,
-) -> tuple[Array, NDArray[np.int64], NDArray[np.intp]]:
+) -> tuple[Array, NDArray[np.int64], Indices]:
     """Add layers of triangles from the side r = ``at`` (axis 0) or z = ``at`` (axis 1) outwards to each of ``levels``.
 
     owner: for each triangle the one of the domain whose material it has.
@@ -162,8 +162,8 @@ def _surfaces(geometry: CrossSection, mesh: Mesh, moved: list[str], reach: float
     r, z = ends.mean(axis=1)
     slack = 1e-9 * geometry.outer_radius
 
-    def at(place: Array, value: float) -> NDArray[np.bool_]:
-        return np.asarray(np.abs(place - value).max(axis=0) <= slack)
+    def at(place: Array, value: float) -> Mask:
+        return np.abs(place - value).max(axis=0) <= slack
 
     far = np.zeros(facets.size, dtype=bool)
     if "outer" in moved:
@@ -212,7 +212,7 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     return (abs(there - here) + left) / here
 
 
-def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str = "R_th") -> None:
+def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str) -> None:
     """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Either is logged

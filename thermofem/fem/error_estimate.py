@@ -41,7 +41,7 @@ from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, NDArray
 from .surfaces import surface_terms
 from .weak_forms import assembled, element_capacity, element_conduction, properties
 
@@ -75,7 +75,7 @@ def strong(d: Discretization, conductivity: Array, region: NDArray[np.int64]) ->
     return {vertex: exponent for vertex, exponent in exponents.items() if exponent < STRONG}
 
 
-def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.int64]) -> NDArray[np.intp]:
+def _candidates(d: Discretization, region: NDArray[np.int64], held: NDArray[np.int64]) -> Indices:
     """Vertices where a strong singularity is possible, as an array of indices.
 
     Three edges between regions meet there; on the boundary two, or one where a held side ends.
@@ -171,7 +171,7 @@ class Functions:
 
     mesh: Any
     elem: Any
-    element_dofs: NDArray[np.intp]
+    element_dofs: Indices
     N: int
     quadratic: int
 
@@ -213,13 +213,16 @@ class Enrichment:
             matrix = matrix + surface_terms(self.functions, conductivity, d.surfaces)
         self.free = np.setdiff1d(np.arange(self.functions.N - count), d.surfaces.held)
         rows = matrix.tocsr()[count + self.free]
-        self.across, self.own = rows[:, :count], rows[:, count + self.free]
-        self.each, self.cubic = each[:, :, _CUBIC], self.functions.element_dofs[_CUBIC].T - count
+        self.across = rows[:, :count]
+        self.own = rows[:, count + self.free]
+        self.each = each[:, :, _CUBIC]
+        self.cubic = self.functions.element_dofs[_CUBIC].T - count
 
     def mean(self, heat: HeatProblem, name: str) -> Array:
         """Functional of the mean over a region, a probe or the light, for the cubic functions."""
-        integral, count = heat.integral(name, self.functions), self.functions.quadratic
-        return np.asarray(integral[count:] / integral[:count].sum())
+        integral = heat.integral(name, self.functions)
+        count = self.functions.quadratic
+        return integral[count:] / integral[:count].sum()
 
     def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
         """Correction of quadratic solutions by cubic functions: its products with the loads, and energy per triangle.

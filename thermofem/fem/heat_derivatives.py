@@ -30,15 +30,117 @@ import xarray as xr
 from .. import checks
 from ..algebra.krylov import Rounds, rates
 from ..algebra.pole_responses import pole_responses
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Complex, Indices
 from ..data.dataset import describe
 from ..geometry.parameter_paths import Change, change
+from ..geometry.section_parts import LIGHT
 from ..mesh.mesh_motion import vertex_velocities
+from ..optics.mode_derivatives import light_slope
 from ..waveforms import Waveform
-from .shape_derivatives import Tangent, tangent
+from .probe_means import shell_integral
+from .surfaces import surface_terms
+from .weak_forms import assembled, element_capacity, element_conduction, properties, volume
 
 if TYPE_CHECKING:
     from .heat_problem import HeatProblem
+
+COMPLEX_STEP = 1e-30  # of the parameter in SI: its square vanishes beside 1, and no product with it underflows
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """Derivatives of matrices and means with respect to one parameter, on all unknowns.
+
+    K, M [sparse]
+    means [dict from what is heated or read to array]
+    """
+
+    K: Any
+    M: Any
+    means: dict[str, Array]
+
+
+def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str, ...]) -> Tangent:
+    """Differentiate the matrices of a heat problem and the means of ``names`` with respect to one parameter.
+
+    The matrices are analytic functions f of the vertices x of the mesh, of k, of rho c_p and of the surfaces'
+    coefficients. With velocities v of the vertices, dk and so on per unit of the parameter, a complex step gives their
+    derivatives to round-off, without cancellation:
+
+        df = Im f(x + i h v, k + i h dk, ...)/h,     h = `COMPLEX_STEP`
+
+    Source: W. Squire, G. Trapp, SIAM Rev. 40, 110 (1998).
+
+    velocity [shape (vertices, 2)]: m per unit of the parameter.
+    """
+    basis = heat.discretization.basis
+    mesh = heat.mesh
+    materials = [heat.geometry.material_of(name).name for name in mesh.region_names]
+    of_k = np.array([change.conductivity.get(name, (0.0, 0.0)) for name in materials])
+    of_c = np.array([change.heat_capacity.get(name, 0.0) for name in materials])
+    conductivity, heat_capacity = properties(heat.geometry, mesh)
+    k = conductivity + 1j * COMPLEX_STEP * of_k.T[:, mesh.region]
+    c = heat_capacity + 1j * COMPLEX_STEP * of_c[mesh.region]
+    points = basis.mesh.p + 1j * COMPLEX_STEP * velocity.T
+    surfaces = heat.discretization.surfaces
+    source = surfaces.source + 1j * COMPLEX_STEP * _source(heat, change)
+    surfaces = replace(surfaces, source=(source[0], source[1]))
+
+    def series(*facets: Indices) -> Any:
+        slope = sum(_resistance(heat, change, side) for side in facets)
+        return 1j * COMPLEX_STEP * slope
+
+    K = assembled(basis, element_conduction(basis, k, points).imag / COMPLEX_STEP)
+    K = K + surface_terms(basis, k, surfaces, points, series).imag / COMPLEX_STEP
+    M = assembled(basis, element_capacity(basis, c, points).imag / COMPLEX_STEP)
+    return Tangent(K, M, {name: _mean(heat, change, points, name) for name in names})
+
+
+def _source(heat: HeatProblem, change: Change) -> Array:
+    """Derivative of the place (r, z) of the heat (`surfaces.source_of`) in m per unit of the parameter, shape (2,)."""
+    part = next(part for part in heat.geometry.parts if part.heated)
+    velocity = change.outlines.get(part.name, np.zeros((4, 2)))
+    moves = part.straight and not heat.geometry.mirrored
+    r = velocity[:, 0].mean() * moves
+    z = (velocity[0, 1] + velocity[3, 1]) / 2
+    return np.array([r, z])
+
+
+def _resistance(heat: HeatProblem, change: Change, facets: Indices) -> Array:
+    """Derivative of contact resistance + 1/h in m^2 K/W with respect to the parameter, at each facet."""
+    grid = heat.discretization.basis.mesh
+    geometry = heat.geometry
+    of_part = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
+    region = heat.mesh.region[grid.f2t[0, facets]]
+    slope = of_part[region]
+    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+    for side, of_h in change.exchange.items():
+        h = getattr(geometry, side).exchange
+        slope[geometry.on_boundary(side, r, z)] -= of_h / h**2
+    return slope
+
+
+def _mean(heat: HeatProblem, change: Change, points: Any, name: str) -> Array:
+    """Derivative of the mean functional of a region, the light or a probe with respect to the parameter."""
+    basis = heat.discretization.basis
+    mesh = heat.mesh
+    if name == LIGHT and heat.light is not None:
+        return light_slope(heat.light, basis, change)
+    if name in mesh.region_names:
+        integral = volume(basis, mesh.region == mesh.region_names.index(name), points)
+        return (integral / integral.sum()).imag / COMPLEX_STEP
+    probe = next(probe for probe in heat.geometry.probes if probe.name == name)
+    if probe.shell is not None:
+        thicker = 1j * COMPLEX_STEP * change.shell.get(name, 0.0)
+        integral = shell_integral(heat.geometry, mesh, basis, probe, points, thicker)
+        return (integral / integral.sum()).imag / COMPLEX_STEP
+    if change.moves:
+        raise checks.InputError(
+            f"{change.name}: the mean over {name!r}, a copy off the axis, has no derivative with respect to lengths, "
+            "only to materials and surfaces"
+        )
+    return np.zeros_like(heat.discretization.means[name])
+
 
 RATE_STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
 
@@ -78,14 +180,14 @@ class ModalDerivative:
         x = 1 / self.rate
         return self._source @ x - np.einsum("pmn,m,n->p", K, x, x)
 
-    def impedance(self, frequency: Array) -> NDArray[np.complex128]:
+    def impedance(self, frequency: Array) -> Complex:
         """Derivative of the impedance Z(f) in K/W per unit of each parameter, shape (p, f)."""
         K, M = self._pairs
         s = 2j * np.pi * frequency
         x = 1 / (self.rate[:, None] + s)
         by_K = np.einsum("pmn,mf,nf->pf", K, x, x)
         by_M = s * np.einsum("pmn,mf,nf->pf", M, x, x)
-        return np.asarray(self._source @ x - (by_K + by_M))
+        return self._source @ x - (by_K + by_M)
 
     def step_response(self, times: Array) -> Array:
         """Derivative of the rise after a unit step in K/W per unit of each parameter, shape (p, t).
@@ -143,7 +245,7 @@ class ModalDerivative:
         down = pole_responses(rate * (1 - RATE_STEP), wave, times, periodic=periodic)
         of_X = (up - down) / (2 * RATE_STEP * rate)
         of_gain = of_R * rate + gain / rate * of_rate
-        return np.asarray(of_gain @ X.T + (gain * of_rate) @ of_X.T)
+        return of_gain @ X.T + (gain * of_rate) @ of_X.T
 
 
 Parameter = str | Sequence[str]
@@ -231,7 +333,7 @@ def tangents_of(
 
 
 def project(
-    tangents: Sequence[Tangent], channel: tuple[str, str], free: NDArray[np.intp], V: Array
+    tangents: Sequence[Tangent], channel: tuple[str, str], free: Indices, V: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Derivatives dK, dM (p, k, k) and db, dc (p, k) projected on the k fields V, for p parameters."""
     heated, read = channel
@@ -242,7 +344,7 @@ def project(
     return of_K, of_M, of_b, of_c
 
 
-Answers = tuple[Array, Array | None, NDArray[np.complex128] | None]  # of R_th, the step response and the impedance
+Answers = tuple[Array, Array | None, Complex | None]  # of R_th, the step response and the impedance
 
 
 def _responses(
@@ -295,8 +397,12 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
     factors = heat.discretization.factors
     free = heat.discretization.free
     means = heat.discretization.means
+
+    def static(rhs: Array) -> Array:
+        return factors.solve(0.0, 1.0, rhs)
+
     system = heat.discretization.state_space((heated,), (heated,))
-    slow, _ = rates(system, lambda rhs: factors.solve(0.0, 1.0, rhs))
+    slow, _ = rates(system, static)
     B = np.column_stack([means[name][free] for name in names])
     system = replace(system, B=B, inputs=names)
     shifts = np.zeros(1)
@@ -307,10 +413,6 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
         if f is not None:
             fast.append(2 * np.pi * np.abs(f).max())
         shifts = np.append(0.0, np.geomspace(5 * slow, max(fast), 5))
-
-    def static(rhs: Array) -> Array:
-        return factors.solve(0.0, 1.0, rhs)
-
     solvers = [factors.keep(shift, 1.0) if shift else static for shift in shifts]
     return Rounds(system, shifts, solvers)
 
@@ -341,11 +443,8 @@ def dataset_of(
         "parameter": list(names),
         "value": ("parameter", list(values), {"long_name": "value of the parameter"}),
         "unit": ("parameter", list(units), {"long_name": "SI unit of the parameter"}),
-        "time": ("time", t, describe("time")),
-        "frequency": ("frequency", f, describe("frequency")),
     }
-    if t is None:
-        del coords["time"]
-    if f is None:
-        del coords["frequency"]
+    for name, axis in (("time", t), ("frequency", f)):
+        if axis is not None:
+            coords[name] = (name, axis, describe(name))
     return xr.Dataset(variables, coords=coords)

@@ -9,17 +9,19 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.constants import c as light_speed
 
 from .. import checks
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Mask
+from ..geometry.resistor import known_resistor
 from ..geometry.section_parts import AMBIENT, LIGHT, MODE, WAVELENGTH
-from ..materials.material_laws import Law, beyond_table, is_constant
+from ..materials.material_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
 from ..transient.integration import Ledger
@@ -27,7 +29,6 @@ from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
-from .heater_sheet import heater_sheet
 from .probe_means import probe_integral
 from .weak_forms import Discretization, capacity, conduction, properties, volume
 
@@ -37,29 +38,6 @@ if TYPE_CHECKING:
     from ..optics import Mode
 
 TOGETHER = " + "  # between the names of parts that share a power
-
-
-HELD_SHARE = 1e-9  # of a mean at held unknowns, by which its gain of the ambient is below 1
-
-
-def beyond_laws(section: CrossSection, rise: float = 0.0) -> str:
-    """As `HeatProblem.beyond_laws`, of a cross-section."""
-    ambient = section.ambient
-    reached = ambient + rise
-    ranges: dict[str, tuple[float, float]] = {}
-    for region in section.region_names:
-        material = section.material_of(region)
-        for law in (material.conductivity_law, material.specific_heat_law):
-            table = beyond_table(law, min(ambient, reached), max(ambient, reached))
-            if table is not None:
-                ranges[material.name] = table
-    if not ranges:
-        return ""
-    laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
-    return (
-        f"{section.name}: at {reached:.4g} K the tables of {laws} are left and held at their last values: "
-        "the temperatures are not those of the materials; give k(T) and c_p(T) that reach there"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +91,15 @@ class HeatProblem:
         return self.mesh.region_names
 
     @property
+    def probes(self) -> tuple[str, ...]:
+        """Names of the probes of the geometry."""
+        return tuple(probe.name for probe in self.geometry.probes)
+
+    @property
     def readable(self) -> tuple[str, ...]:
         """Names of everything that can be read: regions, probes, shared inputs, and "light" after `with_light`."""
         light = () if self.light is None else (LIGHT,)
-        probes = [probe.name for probe in self.geometry.probes]
-        return (*self.regions, *probes, *self.together, *light)
+        return (*self.regions, *self.probes, *self.together, *light)
 
     def with_light(self, mode: Mode) -> HeatProblem:
         """The same problem with one more output, "light": the temperature as a mode sees it, `Mode.light_integral`.
@@ -133,8 +115,7 @@ class HeatProblem:
         >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 2)
         1.0
         """
-        probes = [probe.name for probe in self.geometry.probes]
-        names = (*self.regions, *probes, LIGHT)
+        names = (*self.regions, *self.probes, LIGHT)
         checks.unique("what can be read", names, hint="rename the region or probe")
         return replace(self, light=mode).reading(LIGHT)
 
@@ -166,9 +147,9 @@ class HeatProblem:
             return self.light.light_integral(basis)
         if name in self.together:
             integrals = [self.integral(part, basis) for part in name.split(TOGETHER)]
-            return np.asarray(sum(integral / integral.sum() for integral in integrals))
+            return sum(integral / integral.sum() for integral in integrals)
         if name in self.regions:
-            return np.asarray(volume(basis, self.mesh.region == self.regions.index(name)))
+            return volume(basis, self.mesh.region == self.regions.index(name))
         probe = next(probe for probe in self.geometry.probes if probe.name == name)
         return probe_integral(self.geometry, self.mesh, basis, probe)
 
@@ -185,8 +166,8 @@ class HeatProblem:
 
         Every heated part with itself, with the other heated parts and with every probe.
         """
-        probes = [probe.name for probe in self.geometry.probes]
-        return tuple((part, read) for part in self.heated for read in (*self.heated, *probes))
+        outputs = (*self.heated, *self.probes)
+        return tuple((part, read) for part in self.heated for read in outputs)
 
     @property
     def unknowns(self) -> int:
@@ -229,13 +210,12 @@ class HeatProblem:
             self._check_moving(outputs)
         if (inputs, outputs) not in self._kept:
             about: dict[str, Any] = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
-            beyond = self.beyond_laws()
+            beyond = self.geometry.beyond_laws()
             about |= {"warning": beyond} if beyond else {}
             origin = about | self.stated_mode(outputs)
             system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
             self._kept[inputs, outputs] = system
-        kept: StateSpace = self._kept[inputs, outputs]
-        return kept
+        return self._kept[inputs, outputs]
 
     def stated_mode(self, outputs: Sequence[str]) -> dict[str, Any]:
         """Name and wavelength (m) of the mode, for the origin of a model, where "light" is among its outputs."""
@@ -250,7 +230,8 @@ class HeatProblem:
         for name in outputs:
             share = float(np.abs(d.means[name][d.held]).sum())
             hint = f"{name!r} reaches a side at the ambient temperature and follows it at once; read a part inside"
-            checks.between(f"share of {name!r} that is held", share, 0, HELD_SHARE, hint=hint)
+            # 1e-9: by this share the gain of the ambient is below 1
+            checks.between(f"share of {name!r} that is held", share, 0, 1e-9, hint=hint)
 
     @cached_property
     def _kept(self) -> dict[Any, Any]:
@@ -262,10 +243,6 @@ class HeatProblem:
         """Whether k or c_p of any material in the geometry depends on temperature."""
         return any(self.geometry.material_of(name).varies for name in self.regions)
 
-    def beyond_laws(self, rise: float = 0.0) -> str:
-        """Warning of tables k(T), c_p(T) that do not hold from the ambient to ``rise`` in K above it; "" of none."""
-        return beyond_laws(self.geometry, rise)
-
     def model(
         self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None
     ) -> StateSpace | NonlinearSystem:
@@ -275,7 +252,9 @@ class HeatProblem:
             return linear
         if AMBIENT in linear.inputs:
             raise checks.InputError("heated = 'ambient' needs a linear model: heat.channels, or constant k and c_p")
-        return NonlinearSystem(linear, *self._flow_and_content)
+        free = self.discretization.free
+        flow, content = [replace(operator, matrix=operator.matrix[free]) for operator in self._everywhere]
+        return NonlinearSystem(linear, flow, content)
 
     def modal(self, heated: str) -> Modal:
         """Closed-form solver of transients with ``heated`` carrying the power, at small power; kept for further runs.
@@ -287,8 +266,7 @@ class HeatProblem:
         """
         if checks.choice("heated", heated, self.heated) not in self._kept:
             self._kept[heated] = Modal(self.channels(heated), self.discretization.factors)
-        solver: Modal = self._kept[heated]
-        return solver
+        return self._kept[heated]
 
     @cached_property
     def wider(self) -> Wider | None:
@@ -319,29 +297,18 @@ class HeatProblem:
     def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
         """Nonlinear operators F and H with the rows of all unknowns, held ones included."""
         d = self.discretization
-        T0 = self.geometry.ambient
         k, c = properties(self.geometry, self.mesh)
-        flows = []
-        for law, cells in self._cells("conductivity_law").items():
-            flows.append((conduction(d.basis, k * cells), law))
-        contents = []
-        for law, cells in self._cells("specific_heat_law").items():
-            contents.append((capacity(d.basis, c * cells), law))
-        stiffness = d.stiffness - sum(matrix for matrix, _ in flows)
-        mass = d.mass - sum(matrix for matrix, _ in contents)
-        flow = nodal_operator(flows, stiffness, d.free, T0)
-        content = nodal_operator(contents, mass, d.free, T0)
+
+        def operator(kind: str, form: Callable[..., Any], values: Array, whole: Any) -> NodalOperator:
+            terms = [(form(d.basis, values * cells), law) for law, cells in self._cells(kind).items()]
+            constant = whole - sum(matrix for matrix, _ in terms)
+            return nodal_operator(terms, constant, d.free, self.geometry.ambient)
+
+        flow = operator("conductivity_law", conduction, k, d.stiffness)
+        content = operator("specific_heat_law", capacity, c, d.mass)
         return flow, content
 
-    @cached_property
-    def _flow_and_content(self) -> tuple[NodalOperator, NodalOperator]:
-        free = self.discretization.free
-        flow, content = self._everywhere
-        free_flow = replace(flow, matrix=flow.matrix[free])
-        free_content = replace(content, matrix=content.matrix[free])
-        return free_flow, free_content
-
-    def _cells(self, kind: str) -> dict[Law, NDArray[np.bool_]]:
+    def _cells(self, kind: str) -> dict[Law, Mask]:
         """Triangles (as a mask) that follow each temperature law that is not constant."""
         laws = [getattr(self.geometry.material_of(name), kind) for name in self.regions]
         cells = {}
@@ -381,7 +348,14 @@ class HeatProblem:
         return power * self.thermal_resistance(heated, read)
 
     def heater_sheet(self, heater: str | None = None) -> dict[str, float]:
-        """What a data sheet says of a heater and the light beside it, in SI: see `heater_sheet` for the formulas.
+        """What the data sheet of a thermal phase shifter says, from its cross-section.
+
+            shift_per_watt = lambda alpha R(heater -> light),     FSR = c/(n_g L)
+            P(2 pi) = FSR/(f alpha R(heater -> light)),           P(pi) = P(2 pi)/2
+            V = sqrt(P R_e),  I = sqrt(P/R_e),                    R_e = R_0 (1 + tcr R(heater -> heater) P)
+
+        alpha = -d ln(omega)/dT is the mode's `thermo_optic`. L is the round trip of a ring or the length of a straight
+        guide: a shift by one free spectral range, or a phase of 2 pi at constant frequency, which takes the same power.
 
         Parameters
         ----------
@@ -406,7 +380,37 @@ class HeatProblem:
         >>> print(f"{sheet['pi_power'] * 1e3:.1f} mW, {sheet['pi_voltage']:.2f} V for pi")
         18.9 mW, 1.51 V for pi
         """
-        return heater_sheet(self, heater)
+        light = self.lit.light
+        if light is None:
+            hint = "give the geometry a [light] table with its wavelength, or take self.with_light(mode)"
+            raise checks.InputError(f"{self.geometry.name!r} has no light, whose phase a heater moves", hint)
+        heaters = [name for name in self.heated if name != light.core]
+        heater = checks.choice("heater", heater, heaters, default=next(iter(heaters), None))
+        length = self.geometry.length or self.geometry.path_length(light.radius)
+        to_light = self.lit.thermal_resistance(heater, LIGHT)
+        shift_per_kelvin = light.wavelength * light.thermo_optic
+        free_spectral_range = light_speed / (light.n_g * length)
+        shift = light_speed / light.wavelength * light.thermo_optic * to_light  # Hz/W
+        sheet = {
+            "thermal_resistance": to_light,
+            "shift_per_kelvin": shift_per_kelvin,
+            "shift_per_watt": shift_per_kelvin * to_light,
+            "free_spectral_range": free_spectral_range,
+            "pi_power": free_spectral_range / shift / 2,
+            "fsr_power": free_spectral_range / shift,
+        }
+        resistor = known_resistor(self.geometry, heater)
+        if resistor is None:
+            return sheet
+        self_heating = self.thermal_resistance(heater)
+        sheet["resistance"] = resistor.resistance
+        for phase in ("pi", "fsr"):
+            power = sheet[f"{phase}_power"]
+            hot = resistor.resistance * (1 + resistor.tcr * self_heating * power)
+            checks.positive(f"resistance of {heater!r} at the power of {phase}", hot, unit="ohm")
+            sheet[f"{phase}_voltage"] = np.sqrt(power * hot)
+            sheet[f"{phase}_current"] = np.sqrt(power / hot)
+        return sheet
 
     @cached_property
     def _mesh_error(self) -> MeshError:

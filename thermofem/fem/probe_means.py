@@ -109,21 +109,19 @@ PER_GAP = 40  # steps of the angle for each gap between the heated part and the 
 FEWEST_STEPS, MOST_STEPS = 64, 2000  # steps of the angle
 
 
-def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
-    """Quadrature points (rho, z) in m on a copy, shape (n, 2), and weights in m^3; ``steps`` of the angle or None."""
+def off_axis_points(geometry: CrossSection, probe: Probe) -> tuple[Array, Array]:
+    """Quadrature points (rho, z) in m on a copy, shape (n, 2), and weights in m^3."""
     r, z, area = _cross_section(geometry, probe)
+    d = float(probe.distance or 0)
     if geometry.length is not None:
         if geometry.mirrored:
             r = np.append(r, -r)
             z = np.append(z, z)
             area = np.append(area, area)
-        x = r + float(probe.distance or 0)
-        return np.stack([x, z], axis=-1), geometry.length * area
-    if steps is None:
-        gaps = np.pi * r.max() / _gap(geometry, probe)
-        steps = int(np.clip(np.ceil(PER_GAP * gaps), FEWEST_STEPS, MOST_STEPS))
+        return np.stack([r + d, z], axis=-1), geometry.length * area
+    gaps = np.pi * r.max() / _gap(geometry, probe)
+    steps = int(np.clip(np.ceil(PER_GAP * gaps), FEWEST_STEPS, MOST_STEPS))
     angle = np.pi * (np.arange(steps) + 0.5) / steps
-    d = float(probe.distance or 0)
     column = r[:, None]
     rho = np.sqrt(d**2 + column**2 + 2 * d * column * np.cos(angle))
     heights = np.broadcast_to(z[:, None], rho.shape)

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Indices, Mask, NDArray
 from ..mesh.triangles import Mesh, radii
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Facets, each from its first to its second vertex, with m functions and q Gauss points.
+    """Indices, each from its first to its second vertex, with m functions and q Gauss points.
 
     basis [anything with mesh, elem, element_dofs and N]
     cells [shape (f,)]: the triangle beside each.
@@ -47,8 +47,8 @@ class Side:
     """
 
     basis: Any
-    cells: NDArray[np.intp]
-    dofs: NDArray[np.intp]
+    cells: Indices
+    dofs: Indices
     shape: Array
     at: Array
     weight: Array
@@ -56,7 +56,7 @@ class Side:
     outward: Array
 
     @classmethod
-    def of(cls, basis: Any, facets: NDArray[np.intp], points: Any = None) -> Side:
+    def of(cls, basis: Any, facets: Indices, points: Any = None) -> Side:
         """Functions, Gauss points and orientation on some facets; ``points``: vertices as in `weak_forms.maps`."""
         grid = basis.mesh
         p = grid.p if points is None else points
@@ -95,7 +95,7 @@ class Side:
 
 
 @cache
-def _tables(element: Any) -> tuple[NDArray[np.intp], Array, Array, Array]:
+def _tables(element: Any) -> tuple[Indices, Array, Array, Array]:
     """Functions of each edge (3, m), their values at Gauss points in both directions (3, 2, m, q), points, weights."""
     elem = element()
     nodes, weights = np.polynomial.legendre.leggauss(elem.maxdeg + 1)
@@ -114,11 +114,10 @@ def _tables(element: Any) -> tuple[NDArray[np.intp], Array, Array, Array]:
     return np.array(numbers), np.array(shapes), at, weight
 
 
-Facets = NDArray[np.intp]
-Pair = tuple[Facets, Facets]  # on both sides of a contact
+Pair = tuple[Indices, Indices]  # on both sides of a contact
 
 
-def _none() -> Facets:
+def _none() -> Indices:
     return np.empty(0, dtype=np.intp)
 
 
@@ -135,9 +134,9 @@ class Surfaces:
         order.
     """
 
-    held: Facets = field(default_factory=_none)
-    convection: Mapping[float, Facets] = field(default_factory=dict)
-    open: Facets = field(default_factory=_none)
+    held: Indices = field(default_factory=_none)
+    convection: Mapping[float, Indices] = field(default_factory=dict)
+    open: Indices = field(default_factory=_none)
     source: tuple[float, float] = (0.0, 0.0)
     length: float | None = None
     contacts: Mapping[float, Pair] = field(default_factory=dict)
@@ -152,7 +151,7 @@ def surfaces_of(
     geometry: CrossSection,
     mesh: Mesh,
     resistance: dict[str, float],
-    sides: Mapping[str, NDArray[np.bool_]] | None = None,
+    sides: Mapping[str, Mask] | None = None,
 ) -> Surfaces:
     """`Surfaces` of a mesh: held, convective and open facets, and contacts.
 
@@ -164,9 +163,9 @@ def surfaces_of(
     if sides is None:
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
         sides = {side: geometry.on_boundary(side, r, z) for side in ("bottom", "top", "outer")}
-    none = np.empty(0, dtype=np.intp)
+    none = _none()
     where = {"isothermal": none, "open": none, "insulated": none}
-    convection: dict[float, Facets] = {}
+    convection: dict[float, Indices] = {}
     for side, on in sides.items():
         boundary = getattr(geometry, side)
         there = facets[on]
@@ -210,7 +209,7 @@ def line_source(u: Array) -> Array:
     u = d/L; the field is P c/(pi k L). c is ln(2/u) - 1 near the line and 1/(2 u) far from it.
     """
     far = 1 / (np.sqrt(1 + u**2) + u)  # sqrt(1 + u^2) - u without cancellation
-    return np.asarray(np.arcsinh(1 / u) - far)
+    return np.arcsinh(1 / u) - far
 
 
 def surface_terms(
@@ -227,7 +226,7 @@ def surface_terms(
     """
     total = csr_matrix((basis.N, basis.N))
 
-    def through(h: float, *facets: Facets) -> Any:
+    def through(h: float, *facets: Indices) -> Any:
         return h if series is None else 1 / (1 / h + series(*facets))
 
     for h, facets in surfaces.convection.items():
@@ -251,7 +250,7 @@ def exchange(side: Side, h: Any) -> Array:
     """Weights 2 pi r h ds of heat exchange at the Gauss points, in W/K, shape (q, f)."""
     along = side.ends[:, 1] - side.ends[:, 0]
     length = np.sqrt((along**2).sum(axis=0))
-    return np.asarray(2 * np.pi * h * side.radius * length)
+    return 2 * np.pi * h * side.radius * length
 
 
 def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
@@ -265,9 +264,9 @@ def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
     z = at_z - surfaces.source[1]
     weights = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
     if surfaces.length is None:
-        return np.asarray(weights)
+        return weights
     distance = np.sqrt(r**2 + z**2)
-    return np.asarray(weights / line_source(distance / surfaces.length))
+    return weights / line_source(distance / surfaces.length)
 
 
 PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resistance, such as 0, counts as this one
@@ -287,10 +286,12 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
     At a vertex, each group of triangles of one side that are connected by edges gets a node of its own. Nodes of one
     side keep their order, those of further groups come last; the same mesh is returned where nothing is doubled.
     """
-    grid, side = mesh.skfem, _side(mesh, resistance)
+    grid = mesh.skfem
+    side = _side(mesh, resistance)
     first, second = grid.f2t
     inner = (second >= 0) & (side[first] == side[second])
-    first, second = first[inner], second[inner]
+    first = first[inner]
+    second = second[inner]
     joined = np.concatenate([_corners(mesh, end, first, second) for end in grid.facets[:, inner]], axis=1)
     count = mesh.triangles.size
     links = np.ones(joined.shape[1])
@@ -299,7 +300,8 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
     if number == len(mesh.points):
         return mesh
     corner = np.unique(group, return_index=True)[1]  # the first one of each group
-    place, of_side = mesh.triangles.ravel()[corner], side[corner // 3]
+    place = mesh.triangles.ravel()[corner]
+    of_side = side[corner // 3]
     order = np.lexsort([corner, place, of_side])
     same_place = np.diff(place[order]) == 0
     same_side = np.diff(of_side[order]) == 0
@@ -310,7 +312,7 @@ def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
     return replace(mesh, points=mesh.points[place[order]], triangles=new[group].reshape(-1, 3))
 
 
-def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp]) -> NDArray[np.intp]:
+def _corners(mesh: Mesh, vertices: Indices, *triangles: Indices) -> Indices:
     """Number the corners of triangles: 3 t + k, where corner k of triangle t is the vertex that is given for it.
 
     triangles: arrays as long as ``vertices``; each makes one row of the result.
@@ -322,7 +324,7 @@ def _corners(mesh: Mesh, vertices: NDArray[np.intp], *triangles: NDArray[np.intp
     return np.array(rows)
 
 
-def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, Pair]:
     """Coinciding facets of a mesh from `split`, by total resistance in m^2 K/W: both sides in the same order."""
     side = _side(mesh, resistance)
     if not side.any():
@@ -332,16 +334,17 @@ def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[N
     ends = np.sort(_place(mesh)[grid.facets[:, facets]], axis=0).T
     order = np.lexsort(ends.T)
     twins = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
-    first, second = facets[order[twins]], facets[order[twins + 1]]
+    first = facets[order[twins]]
+    second = facets[order[twins + 1]]
     total = beside(mesh, resistance, first) + beside(mesh, resistance, second)
     return {float(value): (first[total == value], second[total == value]) for value in np.unique(total)}
 
 
-def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]) -> NDArray[np.float64]:
+def beside(mesh: Mesh, resistance: Mapping[str, float], facets: Indices) -> Array:
     """Resistance in m^2 K/W that the region beside each boundary facet has on its surface."""
     values = np.array([0.0, *resistance.values()])
     triangles = mesh.skfem.f2t[0, facets]
-    return np.asarray(values[_side(mesh, resistance)[triangles]])
+    return values[_side(mesh, resistance)[triangles]]
 
 
 def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
@@ -351,6 +354,6 @@ def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
     return number[mesh.region]
 
 
-def _place(mesh: Mesh) -> NDArray[np.intp]:
+def _place(mesh: Mesh) -> Indices:
     """Number of each mesh point; points that coincide have the same number."""
     return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from skfem.quadrature import get_quadrature
 
 from ..algebra.factor import Pencil
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Indices, Mask
 from ..geometry.section_parts import AMBIENT
 from ..materials.material_laws import Law, check_positive
 from ..mesh.triangles import radii
@@ -48,11 +48,11 @@ class Discretization:
     mass: Any
     stiffness: Any
     means: Mapping[str, Array]
-    held: NDArray[np.intp]
+    held: Indices
     surfaces: Surfaces = field(default_factory=Surfaces)
 
     @cached_property
-    def free(self) -> NDArray[np.intp]:
+    def free(self) -> Indices:
         """Unknowns that are not held."""
         return np.setdiff1d(np.arange(self.mass.shape[0]), self.held)
 
@@ -229,7 +229,7 @@ def magnitude(det: Any) -> Any:
     return det * np.sign(det.real)
 
 
-def summed(numbers: NDArray[np.intp], values: Any, count: int) -> Any:
+def summed(numbers: Indices, values: Any, count: int) -> Any:
     """Sum of all ``values``, real or complex, that have the same number; shape (count,)."""
     if np.iscomplexobj(values):
         return summed(numbers, values.real, count) + 1j * summed(numbers, values.imag, count)
@@ -266,13 +266,13 @@ def _integrals(element: Any) -> ReferenceTriangle:
     return ReferenceTriangle(np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1))
 
 
-def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
+def mean(basis: Any, inside: Mask) -> Array:
     """Functional of the volume mean over the triangles ``inside``, shape (n,); its entries sum to one."""
     integral = volume(basis, inside)
     return integral / integral.sum()
 
 
-def volume(basis: Any, inside: NDArray[np.bool_], points: Any = None) -> Any:
+def volume(basis: Any, inside: Mask, points: Any = None) -> Any:
     """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3; ``points`` as of `maps`."""
     _, det, r = maps(basis.mesh, points)
     weights = 2 * np.pi * det[inside] * r[:, inside]

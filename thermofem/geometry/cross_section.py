@@ -17,18 +17,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from .. import checks
+from ..arrays import ArrayLike, Mask
 from ..data import files
+from ..materials.material_laws import beyond_table
 from ..materials.material_library import VOID, Material, find
 from . import geometry_file, parameter_paths, section_parts
 from .regions import Subdivision, check_held, check_places, subdivide
 from .resistor import Resistor, check_resistors, resistor_of
 from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
 
-KINDS = ("ring", "straight")
+SECTION_KINDS = ("ring", "straight")
 
 _LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe, "buses": Bus}
 
@@ -118,7 +117,7 @@ class CrossSection:
 
     def _check_kind(self) -> None:
         """Check that the sizes of the domain and all parts belong to the kind of section."""
-        if checks.choice("kind", self.kind, KINDS) == "straight":
+        if checks.choice("kind", self.kind, SECTION_KINDS) == "straight":
             length("length", self.length, typical=300e-6)
             object.__setattr__(self, "outer_radius", length("half_width", self.half_width, typical=60e-6))
         elif self.length is not None or self.half_width is not None:
@@ -250,11 +249,29 @@ class CrossSection:
         """Length in m of a closed line whose bends have a radius in m: 2 pi R, and the straights of a racetrack."""
         return 2 * math.pi * radius + 2 * self.straight
 
-    def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
+    def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> Mask:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""
         r = checks.numbers("r", r)
         z = checks.numbers("z", z)
         return self.subdivision.on_side(side, r, z)
+
+    def beyond_laws(self, rise: float = 0.0) -> str:
+        """Warning of tables k(T), c_p(T) that do not hold from the ambient to ``rise`` in K above it; "" of none."""
+        reached = self.ambient + rise
+        ends = sorted((self.ambient, reached))
+        ranges: dict[str, tuple[float, float]] = {}
+        for material in map(self.material_of, self.region_names):
+            for law in (material.conductivity_law, material.specific_heat_law):
+                table = beyond_table(law, *ends)
+                if table is not None:
+                    ranges[material.name] = table
+        if not ranges:
+            return ""
+        laws = ", ".join(f"{name} ({first:g} to {last:g} K)" for name, (first, last) in ranges.items())
+        return (
+            f"{self.name}: at {reached:.4g} K the tables of {laws} are left and held at their last values: "
+            "the temperatures are not those of the materials; give k(T) and c_p(T) that reach there"
+        )
 
     def resistor(self, part: str) -> Resistor:
         """Resistance (ohm) and temperature coefficient (1/K) of a heated part; InputError where it has none."""

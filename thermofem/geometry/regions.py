@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry.polygon import orient
 
 from .. import checks
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask, NDArray
 from ..materials.material_library import VOID
 from .section_parts import THINNEST, Layer, layer_edges
 
@@ -75,8 +75,8 @@ class Subdivision:
 
     faces: tuple[Face, ...]
     corners: Array
-    ends: NDArray[np.intp]
-    beside: NDArray[np.intp]
+    ends: Indices
+    beside: Indices
     side: NDArray[np.str_]
 
     @cached_property
@@ -97,7 +97,7 @@ class Subdivision:
             total[face.owner] = total.get(face.owner, 0.0) + face.volume(depth)
         return total
 
-    def on_side(self, side: str, r: Array, z: Array) -> NDArray[np.bool_]:
+    def on_side(self, side: str, r: Array, z: Array) -> Mask:
         """Which points (r, z) in m lie on ``side``, round-off allowed for."""
         edges = self.sides[checks.choice("side", side, SIDES)]
         points = np.stack(np.broadcast_arrays(r, z), axis=-1)
@@ -115,7 +115,7 @@ def distance(points: Array, edges: Array) -> Array:
     return nearest(points, edges)[0]
 
 
-def nearest(points: Array, edges: Array) -> tuple[Array, NDArray[np.intp], Array]:
+def nearest(points: Array, edges: Array) -> tuple[Array, Indices, Array]:
     """`distance` from points to the edges, index of the nearest edge, and fraction of it at the nearest point."""
     away = np.full(points.shape[:-1], np.inf)
     index = np.zeros(away.shape, dtype=np.intp)
@@ -268,7 +268,7 @@ def _check_thickness(face: Face, boundaries: dict[str, Array]) -> None:
         )
 
 
-def _sides(geometry: CrossSection, faces: Sequence[Face], edges: Array, beside: NDArray[np.intp]) -> NDArray[np.str_]:
+def _sides(geometry: CrossSection, faces: Sequence[Face], edges: Array, beside: Indices) -> NDArray[np.str_]:
     """The side of the domain on which every edge lies, shape (edges,); "" where there are faces on both sides."""
     bottom = geometry.bottom_z
     left = geometry.inner_end
@@ -280,7 +280,7 @@ def _sides(geometry: CrossSection, faces: Sequence[Face], edges: Array, beside: 
     skin = shapely.union_all(exteriors)
     r, z = np.moveaxis(edges, 2, 0)
 
-    def along(x: Array, *ends: float) -> NDArray[np.bool_]:
+    def along(x: Array, *ends: float) -> Mask:
         both = np.isin(x, ends).all(axis=1)
         return both & (x[:, 0] == x[:, 1])
 

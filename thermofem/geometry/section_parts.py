@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array
 from ..data import quantity
 from ..materials.material_library import VOID
 
@@ -138,7 +138,7 @@ class Part:
         """Height of its upper face in m."""
         return self.bottom + self.height
 
-    def outline(self) -> NDArray[np.float64]:
+    def outline(self) -> Array:
         """Corners (r, z) or (x, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
         vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9
         lean = 0.0 if vertical else self.height / 2 / math.tan(self.sidewall_angle)

@@ -12,13 +12,14 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
+from scipy.constants import micro
 from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from .. import checks
 from ..arrays import Array, ArrayLike
 from ..data import quantity
 
-MARGIN = 20.0  # K beyond its ends, for which a table is taken to hold
+TABLE_MARGIN = 20.0  # K beyond its ends, for which a table is taken to hold
 COLDEST, HOTTEST = 1.0, 1e4  # K; laws are evaluated between them
 
 
@@ -50,7 +51,7 @@ class PowerLaw:
 
     def factor(self, T: ArrayLike) -> Array:
         """Factor f(T) of the property, dimensionless, shape of ``T``."""
-        return np.asarray((np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent)
+        return (np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Integral of f from ``start`` (K) over ``rise`` (K), in a form that does not cancel at a small rise.
@@ -67,7 +68,7 @@ class PowerLaw:
         scale = (start / self.reference) ** self.exponent * start
         below = (rise - above) * (COLDEST / self.reference) ** self.exponent
         integral = scale / n * np.expm1(n * log) if n else scale * log
-        return np.asarray(integral + below)
+        return integral + below
 
 
 @dataclass(frozen=True)
@@ -164,15 +165,15 @@ class Table:
     def value(self, T: ArrayLike) -> Array:
         """The property at T in K, monotone cubic between the rows, constant beyond them; in the unit of ``values``."""
         within = np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])
-        return np.asarray(self._curve(within))
+        return self._curve(within)
 
     def factor(self, T: ArrayLike) -> Array:
         """Factor f(T) of the property, dimensionless, shape of ``T``."""
-        return np.asarray(_pieces(self, 0.0, integrated=False)(_kelvins("T", T)))
+        return _pieces(self, 0.0, integrated=False)(_kelvins("T", T))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Integral of f from ``start`` over ``rise`` in K, exact for the cubic pieces and the constant ends."""
-        return np.asarray(_pieces(self, _start(start), integrated=True)(_kelvins("rise", rise)))
+        return _pieces(self, _start(start), integrated=True)(_kelvins("rise", rise))
 
 
 @lru_cache(maxsize=64)
@@ -229,7 +230,7 @@ def beyond_table(law: Law, lowest: float, highest: float) -> tuple[float, float]
         return None
     first = law.temperatures[0]
     last = law.temperatures[-1]
-    return (first, last) if lowest < first - MARGIN or highest > last + MARGIN else None
+    return (first, last) if lowest < first - TABLE_MARGIN or highest > last + TABLE_MARGIN else None
 
 
 def is_constant(law: Law) -> bool:
@@ -327,20 +328,22 @@ def _check_range(wavelength: float, low: float, high: float) -> None:
     checks.between("wavelength", wavelength, low, high, unit="m, where the index law holds", hint=hint)
 
 
-UM = 1e-6  # m
 INDEX_LAWS: dict[str, IndexLaw] = {
     # J. Opt. Soc. Am. 47, 244 (1957), at 26 C
     "Si, Salzberg 1957": Sellmeier(
-        ((10.6684293, 0.301516485 * UM), (0.0030434748, 1.13475115 * UM), (1.54133408, 1104.0 * UM)),
-        range=(1.36 * UM, 11 * UM),
+        ((10.6684293, 0.301516485 * micro), (0.0030434748, 1.13475115 * micro), (1.54133408, 1104.0 * micro)),
+        range=(1.36 * micro, 11 * micro),
     ),
     # J. Opt. Soc. Am. 55, 1205 (1965), at 20 C
     "SiO2, Malitson 1965": Sellmeier(
-        ((0.6961663, 0.0684043 * UM), (0.4079426, 0.1162414 * UM), (0.8974794, 9.896161 * UM)),
-        range=(0.21 * UM, 3.71 * UM),
+        ((0.6961663, 0.0684043 * micro), (0.4079426, 0.1162414 * micro), (0.8974794, 9.896161 * micro)),
+        range=(0.21 * micro, 3.71 * micro),
     ),
     # Opt. Lett. 40, 4823 (2015), LPCVD films
-    "Si3N4, Luke 2015": Sellmeier(((3.0249, 0.1353406 * UM), (40314.0, 1239.842 * UM)), range=(0.31 * UM, 5.504 * UM)),
+    "Si3N4, Luke 2015": Sellmeier(
+        ((3.0249, 0.1353406 * micro), (40314.0, 1239.842 * micro)),
+        range=(0.31 * micro, 5.504 * micro),
+    ),
     "air": Sellmeier(),
 }
 

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array, Indices
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -89,7 +89,7 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST_SIZE * grown)
 
 
-def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
+def _perimeter(edges: Array, *, mirrored: bool) -> float:
     """Length of a face's outline in m; of a mirrored section with that of its image, without the mirror plane."""
     lengths = np.linalg.norm(np.diff(edges, axis=1), axis=-1)[:, 0]
     if not mirrored:
@@ -138,7 +138,7 @@ def _copies(geometry: CrossSection) -> list[tuple[float, float, float]]:
     return rows
 
 
-def _drawn(geometry: CrossSection, heated: bool) -> NDArray[np.intp]:
+def _drawn(geometry: CrossSection, heated: bool) -> Indices:
     """Edges, as pairs of corners, of the heated parts or of all others and voids; not those on axis or outer side."""
     cut = geometry.subdivision
     parts = {part.name for part in geometry.parts if part.heated == heated}
@@ -148,7 +148,7 @@ def _drawn(geometry: CrossSection, heated: bool) -> NDArray[np.intp]:
     return cut.ends[drawn & ~np.isin(cut.side, ["axis", "outer"])]
 
 
-def _corners(cut: Subdivision, ends: NDArray[np.intp], heated: Any, h_c: float) -> list[tuple[float, float, float]]:
+def _corners(cut: Subdivision, ends: Indices, heated: Any, h_c: float) -> list[tuple[float, float, float]]:
     """r, z and element size in m at ends of edges, except at convex corners in the open, where the field is smooth."""
     turns: dict[tuple[float, float], list[float]] = {}
     for face in cut.faces:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from ..checks import InputError, MissingLibraryError
 from ..geometry.regions import CUT_GRID
 from .element_sizes import size_function, sizes
@@ -140,7 +140,7 @@ def make_faces(
 
 def _triangulate(
     gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
     """Points (m), triangles, region and region names of the faces, sharing points and lines."""
     before = gmsh.model.getCurrent()  # the caller's, where gmsh was running already
     gmsh.model.add("thermofem")
@@ -190,7 +190,7 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
             lines[start, stop] = builder.add_line(points[start], points[stop])
         return lines[start, stop]
 
-    def loop(ring: NDArray[np.float64]) -> Any:
+    def loop(ring: Array) -> Any:
         corners = [(float(r), float(z)) for r, z in ring]
         following = corners[1:] + corners[:1]
         return builder.add_curve_loop([line(a, b) for a, b in zip(corners, following, strict=True)])

@@ -31,7 +31,7 @@ import shapely
 from scipy.sparse import csr_matrix
 
 from ..algebra.factor import factorize
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask, NDArray
 from ..checks import InputError
 from ..geometry.regions import CUT_GRID, distance, outlines
 from ..materials.material_library import VOID
@@ -66,7 +66,7 @@ class Motion:
         self._cut, self.corners = geometry.subdivision, geometry.subdivision.corners
         self._held, self._shares, self._ends = self._outline()
 
-    def _outline(self) -> tuple[NDArray[np.bool_], Array, NDArray[np.intp]]:
+    def _outline(self) -> tuple[Mask, Array, Indices]:
         """For every vertex: which of r and z its edge prescribes, weights of the corners, and the corners of its edge.
 
         Shapes (vertices, 2), (vertices, c) and (vertices, 2); zero where a vertex lies on no edge.
@@ -155,7 +155,7 @@ class Motion:
             points[on, axis] = first[:, axis] + share * along[:, axis]
         if signed_areas(points, self._once.triangles).min() <= 0:
             raise InputError("triangles of the mesh turn over on the way to the new geometry; make a new mesh")
-        return np.asarray(points[self._place])
+        return points[self._place]
 
 
 def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
@@ -165,7 +165,7 @@ def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
     c = points[triangles[:, 2]]
     squares = sum(np.sum(edge**2, axis=1) for edge in (b - a, c - b, a - c))
     areas = signed_areas(points, triangles)
-    return np.asarray(4 * np.sqrt(3) * areas / squares)
+    return 4 * np.sqrt(3) * areas / squares
 
 
 def _counts(faces: tuple[Face, ...]) -> list[tuple[Any, ...]]:

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import shapely
 import skfem
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array, Indices, NDArray
 from ..data import files
 
 WIDE = 0.1  # m, the largest length of a geometry file
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
-ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
+MESH_ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")
@@ -40,7 +40,7 @@ class Mesh:
         length that a straight section stands for, see `CrossSection.depth`; None for a ring.
     """
 
-    points: NDArray[np.float64]
+    points: Array
     triangles: NDArray[np.int64]
     region: NDArray[np.int64]
     region_names: tuple[str, ...]
@@ -112,12 +112,12 @@ class Grid(skfem.MeshTri):
     depth: float | None = None
 
 
-def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
+def radii(r: Array, depth: float | None) -> Array:
     """Radius in m in the weight 2 pi radius of points at r: r itself in a ring, depth/(2 pi) in a straight section."""
     return r if depth is None else np.full_like(r, depth / (2 * np.pi))
 
 
-def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+def signed_areas(points: Array, triangles: NDArray[np.int64]) -> Array:
     """Area of each triangle in m^2, positive where its corners run counterclockwise."""
     a = points[triangles[:, 0]]
     b = points[triangles[:, 1]]
@@ -127,7 +127,7 @@ def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> N
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
 
 
-def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def locate(grid: Any, points: Array) -> tuple[Indices, Array]:
     """Index of the triangle around each point (-1 where there is none), and the point's reference coordinates in it.
 
     points [shape (n, 2)]: in the unit of the mesh; the reference coordinates have shape (2, n).
@@ -145,9 +145,7 @@ def locate(grid: Any, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], ND
     return cells, np.array([d * x - b * y, a * y - c * x]) / (a * d - b * c)
 
 
-def sampled(
-    basis: Any, points: NDArray[np.float64], weights: NDArray[np.float64], mesh: Any = None
-) -> NDArray[np.float64]:
+def sampled(basis: Any, points: Array, weights: Array, mesh: Any = None) -> Array:
     """Sum over points (r, z) in m of weight times each function of a scalar basis, shape (functions,).
 
     mesh: scikit-fem mesh with moved vertices, in place of that of the basis.
@@ -223,7 +221,7 @@ def _read(path: str | Path) -> Mesh:
     each = mesh.points[mesh.triangles]
     shapes = shapely.polygons(np.concatenate([each, each[:, :1]], axis=1))
     span = np.ptp(mesh.points, axis=0).max()
-    if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * span):
+    if not shapely.coverage_is_valid(shapes, gap_width=MESH_ROUND_OFF * span):
         rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
         raise checks.InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
     return mesh

@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..arrays import ArrayLike
+from ..arrays import NDArray
 from .contract import Delegates, ThermalModel, columns, keep_names, names, parts, reader, rows
 from .foster import Foster, linear_poles
 
@@ -47,8 +47,8 @@ class Cauer(Delegates):
         lengths that differ, or values that are not positive.
     """
 
-    R: ArrayLike
-    C: ArrayLike
+    R: Any
+    C: Any
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
@@ -65,7 +65,7 @@ class Cauer(Delegates):
     @property
     def thermal_resistance(self) -> float:
         """R_th = sum of R in K/W."""
-        return float(np.sum(self.R))
+        return float(self.R.sum())
 
     @cached_property
     def dynamics(self) -> Foster:
@@ -115,19 +115,18 @@ def cauer(model: ThermalModel) -> Cauer:
     if isinstance(model, Cauer):
         return model
     model = linear_poles(model, "has a Cauer ladder")
-    R = np.asarray(model.R)
-    tau = np.asarray(model.tau)
-    if not model.passive or not np.any(R > 0):
+    warms = model.R > 0
+    if not model.passive or not warms.any():
         raise checks.InputError("model has no ladder: it is not passive (an R is negative), or never warms up (all 0)")
-    tau, group = np.unique(tau[R > 0], return_inverse=True)
-    R = np.bincount(group, weights=R[R > 0])
+    tau, group = np.unique(model.tau[warms], return_inverse=True)
+    R = np.bincount(group, weights=model.R[warms])
     checks.integer("poles of the ladder", R.size, 1, MOST_POLES, hint=FEWER)
     ladder_R = []
     ladder_C = []
     with localcontext() as context:
         # 12: more for each pole: the continued fraction loses up to the square of the ratio of neighbours
         context.prec = 40 + 12 * R.size  # 40 decimal digits kept, and
-        top, bottom = _polynomials([Decimal(float(x)) for x in R], [Decimal(float(x)) for x in tau])
+        top, bottom = _polynomials(R, tau)
         while top.size:  # the leading coefficients of both differences vanish by construction
             C = bottom[0] / top[0]  # 1/Z = s C + rest
             bottom = (bottom - C * np.array([*top, Decimal(0)]))[1:]
@@ -138,15 +137,15 @@ def cauer(model: ThermalModel) -> Cauer:
     return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 
-def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[Any, Any]:
-    """Numerator and denominator of Z(s) = sum_i R_i/(1 + s tau_i), as coefficients of falling powers of s."""
-    top = np.array(R[:1])
-    bottom = np.array([tau[0], Decimal(1)])
-    for r, t in zip(R[1:], tau[1:], strict=True):
-        pole = np.array([t, Decimal(1)])
-        top = np.polyadd(np.convolve(top, pole), r * bottom)
+def _polynomials(R: NDArray[Any], tau: NDArray[Any]) -> tuple[Any, Any]:
+    """Numerator and denominator of Z(s) = sum_i R_i/(1 + s tau_i), as decimal coefficients of falling powers of s."""
+    top = np.array([Decimal(0)])
+    bottom = np.array([Decimal(1)])
+    for r, t in zip(R.tolist(), tau.tolist(), strict=True):
+        pole = np.array([Decimal(t), Decimal(1)])
+        top = np.polyadd(np.convolve(top, pole), Decimal(r) * bottom)
         bottom = np.convolve(bottom, pole)
-    return top, bottom
+    return top[1:], bottom
 
 
 def foster_of(ladder: Cauer) -> Foster:
@@ -169,12 +168,11 @@ def foster_of(ladder: Cauer) -> Foster:
     InputError
         no ladder.
     """
-    R = np.asarray(ladder.R)
-    C = np.asarray(ladder.C)
-    D = np.eye(R.size) - np.eye(R.size, k=1)
-    _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
+    size = ladder.R.size
+    D = np.eye(size) - np.eye(size, k=1)
+    _, sigma, modes = np.linalg.svd(D / np.sqrt(ladder.R)[:, None] / np.sqrt(ladder.C))
     tau = 1 / sigma**2
-    gain = modes[:, 0] ** 2 / C[0]
+    gain = modes[:, 0] ** 2 / ladder.C[0]
     return Foster(R=gain * tau, tau=tau, inputs=ladder.inputs, outputs=ladder.outputs)
 
 

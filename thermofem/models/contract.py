@@ -29,7 +29,7 @@ from typing import Any, Protocol, Self, TypeVar
 import numpy as np
 
 from .. import checks, waveforms
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Complex
 
 
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
@@ -61,7 +61,7 @@ class ThermalModel(Protocol):
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a unit step."""
 
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+    def impedance(self, frequency: ArrayLike) -> Complex:
         """Z(f) in K/W."""
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
@@ -86,38 +86,38 @@ class Delegates(ABC):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the heated parts."""
-        return tuple(self._other.inputs)
+        return self._other.inputs
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the read parts."""
-        return tuple(self._other.outputs)
+        return self._other.outputs
 
     @property
     def order(self) -> int:
         """Number of states."""
-        return int(self._other.order)
+        return self._other.order
 
     @property
     def thermal_resistance(self) -> float:
         """Static gain R_th in K/W (at small power)."""
-        return float(self._other.thermal_resistance)
+        return self._other.thermal_resistance
 
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a step (of small power)."""
-        return np.asarray(self._other.step_response(times))
+        return self._other.step_response(times)
 
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+    def impedance(self, frequency: ArrayLike) -> Complex:
         """Z(f) in K/W (at small power)."""
-        return np.asarray(self._other.impedance(frequency))
+        return self._other.impedance(frequency)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest."""
-        return np.asarray(self._other.response(wave, times))
+        return self._other.response(wave, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K."""
-        return np.asarray(self._other.periodic_response(wave, samples))
+        return self._other.periodic_response(wave, samples)
 
 
 class AtSmallPower(Delegates):
@@ -222,12 +222,11 @@ def parts(content: Mapping[str, Any]) -> dict[str, Any]:
     return {which: content[which] for which in ("inputs", "outputs")}
 
 
-def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
+def rows(first: tuple[str, Array], second: tuple[str, Array]) -> list[dict[str, float]]:
     """List of JSON objects, one for each index of two named arrays; the inverse of `columns`."""
     name, numbers = first
     other, others = second
-    pairs = zip(np.asarray(numbers).tolist(), np.asarray(others).tolist(), strict=True)
-    return [{name: x, other: y} for x, y in pairs]
+    return [{name: x, other: y} for x, y in zip(numbers.tolist(), others.tolist(), strict=True)]
 
 
 def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:

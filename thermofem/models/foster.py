@@ -14,12 +14,12 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..algebra.pole_responses import pole_responses
-from ..arrays import Array, ArrayLike, NDArray, in_pieces
+from ..arrays import Array, ArrayLike, Complex, in_pieces
 from ..data.display import model_html
 from .contract import AtSmallPower, at_times, check_rise, columns, keep_names, names, parts, reader, rows, warn_beyond
 
-SHORTEST = 1e-20  # s, of a time constant: rates below it and charges beyond the longest overflow in other programs
-LONGEST = 1e12  # s
+SHORTEST_TAU = 1e-20  # s, of a time constant: rates below it and charges beyond the longest overflow in other programs
+LONGEST_TAU = 1e12  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class Foster:
     7000.0
     """
 
-    R: ArrayLike
-    tau: ArrayLike
+    R: Any
+    tau: Any
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
@@ -58,8 +58,9 @@ class Foster:
         R = checks.array("R", self.R)
         tau = checks.array("tau", self.tau)
         checks.shape("tau", tau, R.shape)
+        hint = "a negative time constant grows without bound"
         for end in (tau.min(), tau.max()):
-            checks.between("tau", end, SHORTEST, LONGEST, unit="s", hint="a negative time constant grows without bound")
+            checks.between("tau", end, SHORTEST_TAU, LONGEST_TAU, unit="s", hint=hint)
         keep_names(self)
         order = np.argsort(tau)
         checks.keep(self, R=R[order], tau=tau[order])
@@ -69,30 +70,28 @@ class Foster:
     @property
     def order(self) -> int:
         """Number of poles."""
-        return int(np.size(self.R))
+        return len(self.R)
 
     @property
     def passive(self) -> bool:
         """Whether every R_i >= 0: the network then never releases more heat than it absorbed."""
-        return bool(np.all(np.asarray(self.R) >= 0))
+        return bool((self.R >= 0).all())
 
     @property
     def thermal_resistance(self) -> float:
         """R_th = sum_i R_i in K/W."""
-        return float(np.sum(self.R))
+        return float(self.R.sum())
 
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
         t = np.maximum(checks.numbers("times", times, most=np.inf), 0)
         with np.errstate(over="ignore"):  # t / tau beyond all numbers: the step has settled
-            return in_pieces(lambda t: -np.expm1(-t / self.tau) @ np.asarray(self.R), t, self.order)
+            return in_pieces(lambda t: -np.expm1(-t / self.tau) @ self.R, t, self.order)
 
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+    def impedance(self, frequency: ArrayLike) -> Complex:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
-        R = np.asarray(self.R)
-        tau = np.asarray(self.tau)
         f = checks.numbers("frequency", frequency)
-        return in_pieces(lambda f: (R / (1 + 2j * np.pi * f * tau)).sum(axis=-1), f, self.order)
+        return in_pieces(lambda f: (self.R / (1 + 2j * np.pi * f * self.tau)).sum(axis=-1), f, self.order)
 
     @property
     def dynamics(self) -> Foster:
@@ -102,16 +101,16 @@ class Foster:
     @property
     def gain(self) -> Array:
         """R_i / tau_i in K/J: the initial slope that each pole adds per watt."""
-        return np.asarray(self.R) / np.asarray(self.tau)
+        return self.R / self.tau
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest at t = 0, in closed form; a `waveforms.Function` enters as its piecewise cubic."""
-        return at_times(lambda t: pole_responses(1 / np.asarray(self.tau), wave, t) @ self.gain, times)
+        return at_times(lambda t: pole_responses(1 / self.tau, wave, t) @ self.gain, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K, in closed form."""
         times = waveforms.period_times(wave, samples)
-        return pole_responses(1 / np.asarray(self.tau), wave, times, periodic=True) @ self.gain
+        return pole_responses(1 / self.tau, wave, times, periodic=True) @ self.gain
 
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file; InputError for a network that is not passive."""
@@ -139,10 +138,9 @@ class Foster:
 
         R of a network between two different parts may be negative.
         """
-        R = np.asarray(self.R)
         if self.inputs == self.outputs:
-            check_residues(R)
-        if not np.any(R > 0):
+            check_residues(self.R)
+        if not (self.R > 0).any():
             raise checks.InputError("every R is zero: the model never warms up")
 
 
@@ -171,8 +169,7 @@ def linear_poles(model: Any, purpose: str) -> Foster:
             f"model is a {type(model).__name__} and not linear; only a linear model {purpose}: Foster, StateSpace, "
             "Network or Cauer, a fit or a reduction"
         )
-    poles: Foster = small.linear
-    return poles
+    return small.linear
 
 
 BORGHI2021_HEAT_CAPACITY = 1.09e-14 * 700.0  # J/K: mass 1.09e-14 kg x 700 J/(kg K), Appendix A
@@ -252,7 +249,7 @@ def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, hea
     return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
 
 
-def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) -> dict[str, float]:
+def second_order_parameters(model: Foster, heat_capacity: float) -> dict[str, float]:
     """The parameters of Eq. 3 of a network with two poles, the inverse of `second_order_poles`.
 
         kappa = c_f/tau_s + c_s/tau_f,     eta = c_f + c_s,     c_i = m c_p R_i/tau_i
@@ -261,9 +258,8 @@ def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEA
     >>> print(f"{found['kappa']:.4g}, {found['eta']:.4g}")
     8.87e+05, 0.31
     """
-    tau = np.asarray(model.tau, dtype=float)
     c_f, c_s = model.gain * heat_capacity
-    tau_f, tau_s = tau.tolist()
+    tau_f, tau_s = model.tau.tolist()
     kappa = c_f / tau_s + c_s / tau_f
     return {"kappa": float(kappa), "tau_f": tau_f, "tau_s": tau_s, "eta": float(c_f + c_s)}
 
@@ -338,7 +334,8 @@ class OutputMap(AtSmallPower):
     @property
     def slowest_rate(self) -> float:
         """Slowest thermal decay rate in 1/s."""
-        return float(1 / np.max(np.asarray(self.linear.tau)[np.asarray(self.linear.R) != 0]))
+        slowest = self.linear.tau[self.linear.R != 0].max()
+        return float(1 / slowest)
 
     def read(self, x: Array) -> Any:
         """Rise in K in the states x of the poles, shape (..., n)."""

@@ -83,9 +83,10 @@ class Network(Delegates):
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Network:
         """The network that the content of a model file describes; it passes the `gate` again."""
-        A, b, states = content["A"], content["b"], content["states"]
-        poles = replace(gate(A, b, content["thermal_resistance"]), **parts(content))
-        return cls(A, b, states, poles, content["largest_rise"])
+        A = content["A"]
+        b = content["b"]
+        poles = gate(A, b, content["thermal_resistance"])
+        return cls(A, b, content["states"], replace(poles, **parts(content)), content["largest_rise"])
 
 
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
@@ -114,21 +115,17 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     static = checks.positive("static", static, unit="K/W")
     checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)
-    tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
-    R = tau
-    fault = ""
     oscillates = np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate))
-    if oscillates or np.any(rate.real >= 0):
-        fault = f"it oscillates or is not stable, with the poles {rate} 1/s"
-    else:
+    with checks.prefixed("the identified network is refused"):
+        if oscillates or np.any(rate.real >= 0):
+            raise checks.InputError(f"it oscillates or is not stable, with the poles {rate} 1/s")
+        tau = -1.0 / rate.real
         weights = np.linalg.solve(modes, b)
         R = np.real(modes[0] * weights) * tau
         worst = np.argmin(R)
         gain = R.sum()
         if R[worst] < 0:
-            fault = f"it is not passive (R = {R[worst]:.3g} K/W at tau = {tau[worst]:.3g} s)"
-        elif abs(gain - static) > STATIC * static:
-            fault = f"its static gain is {gain:.5g} K/W, not {static:.5g}"
-    if fault:
-        raise checks.InputError(f"the identified network is refused: {fault}")
+            raise checks.InputError(f"it is not passive (R = {R[worst]:.3g} K/W at tau = {tau[worst]:.3g} s)")
+        if abs(gain - static) > STATIC * static:
+            raise checks.InputError(f"its static gain is {gain:.5g} K/W, not {static:.5g}")
     return Foster(R=R, tau=tau, inputs=(name,), outputs=(name,))

@@ -19,7 +19,7 @@ from scipy.integrate import ODEintWarning, odeint
 from scipy.linalg import expm
 
 from .. import checks, waveforms
-from ..arrays import Array, ArrayLike, NDArray, in_pieces
+from ..arrays import Array, ArrayLike, Complex, in_pieces
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.nonlinear import NonlinearEquations, factorize_general
@@ -27,7 +27,7 @@ from .contract import AtSmallPower, at_times, check_rise, check_single, keep_nam
 from .state_space import StateSpace
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
-PASSES = 40  # of the period map
+PERIOD_PASSES = 40  # of the period map
 _TINY = np.finfo(float).tiny
 
 
@@ -90,7 +90,7 @@ class Quadratic:
     @property
     def order(self) -> int:
         """Number of states."""
-        return int(self.B.size)
+        return len(self.B)
 
     @property
     def slowest_rate(self) -> float:
@@ -134,11 +134,11 @@ class Quadratic:
 
         def rise(t: Array) -> Array:
             flow = expm(np.minimum(t, settled)[..., None] * self.A)
-            return np.asarray((flow @ self.B - self.B) @ weight)
+            return (flow @ self.B - self.B) @ weight
 
         return in_pieces(rise, t, self.order**2)
 
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+    def impedance(self, frequency: ArrayLike) -> Complex:
         """Z(f) = C (2 pi i f - A)^-1 B at small power in K/W."""
         f = checks.numbers("frequency", frequency)
         eye = np.eye(self.order)
@@ -223,7 +223,7 @@ class Quadratic:
         mean_power = wave.mean(0.0, period)
         x = self.steady_state(mean_power)
         scale = float(np.abs(x * self.C).sum())
-        for _ in range(PASSES):
+        for _ in range(PERIOD_PASSES):
             track = self.states(wave, times, initial=x)
             mean = np.trapezoid(track, times, axis=0) / period
             monodromy = expm(self.jacobian(mean, mean_power) * period)
@@ -231,14 +231,16 @@ class Quadratic:
             x = x + change
             if np.abs(change * self.C).sum() <= 1e-6 * scale:
                 return track + change  # a correction this small has no shape left
-        raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
+        raise checks.InputError(
+            f"no periodic state found in {PERIOD_PASSES} passes; is the power beyond the model's range?"
+        )
 
     def _size(self, power: float) -> Array:
         """Size of every state at a constant power, first plus second order, shape (n,), which scales the tolerances."""
         first = -np.linalg.solve(self.A, self.B) * power
         force = (self.H @ first) @ first + power * (self.G @ first)
         second = np.linalg.solve(self.A, force)
-        return np.asarray(np.abs(first) + np.abs(second))
+        return np.abs(first) + np.abs(second)
 
     def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
         """States at ``times``, shape (times, n), between two breakpoints of the power, from x at times[0].
@@ -283,9 +285,9 @@ class Quadratic:
                 )
             except ODEintWarning:
                 track = np.full((1, 1), np.nan)
-        if not np.all(np.isfinite(track)):
+        if not np.isfinite(track).all():
             raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
-        return np.asarray(track[where[: times.size]])
+        return track[where[: times.size]]
 
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file; InputError for a system that cools where it is heated."""
@@ -298,12 +300,8 @@ class Quadratic:
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
         """The system that the content of a model file describes."""
-        A = content["A"]
-        H = content["H"]
-        G = content["G"]
-        B = content["B"]
-        C = content["C"]
-        model = cls(A, H, G, B, C, **parts(content), largest_rise=content.get("largest_rise"))
+        arrays = {name: content[name] for name in ("A", "H", "G", "B", "C")}
+        model = cls(**arrays, **parts(content), largest_rise=content.get("largest_rise"))
         model._check_gain()
         return model
 
@@ -364,7 +362,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
                 change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
             except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
                 break
-            size = float(np.abs(change).max())
+            size = np.abs(change).max()
             if not np.isfinite(size):
                 break
             lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
@@ -380,4 +378,4 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
 
     def steady_rise(self, power: float | Sequence[float]) -> Array:
         """Rise of every output at constant power in W, in K, shape (outputs,)."""
-        return np.asarray(self.linear.C @ self.steady_state(power))
+        return self.linear.C @ self.steady_state(power)

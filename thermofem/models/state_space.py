@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Complex
 from ..data.display import model_html
 from ..geometry.section_parts import AMBIENT
 from ..transient.integration import integrate, integrate_periodic
@@ -23,9 +23,9 @@ from ..transient.modal import Modal
 from .contract import at_times, check_single, keep_names, names, parts, reader
 from .foster import Foster, check_residues
 
-LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
+MOST_STATES = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 SAVED = 5000  # states of a model file, where more than 500 are written as the diagonals of E and A
-ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
+DEFINITE_ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +67,12 @@ class StateSpace:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields only; cached results are not copied to other processes."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def order(self) -> int:
         """Number of states."""
-        return int(self.A.shape[0])
+        return self.A.shape[0]
 
     @property
     def heated(self) -> tuple[str, ...]:
@@ -115,7 +115,7 @@ class StateSpace:
         states = np.column_stack([solve(column) for column in self.B.T])
         residual = self.B - K @ states
         states += np.column_stack([solve(column) for column in residual.T])
-        return np.asarray(self.C @ states)
+        return self.C @ states
 
     @property
     def thermal_resistance(self) -> float:
@@ -129,9 +129,9 @@ class StateSpace:
 
         Raises InputError: more than 500 states, several channels, or a system that is not one of heat flow.
         """
-        if self.order > LARGEST:
+        if self.order > MOST_STATES:
             raise checks.InputError(
-                f"model is a system of {self.order} states, at most {LARGEST} can be integrated with the optics; "
+                f"model is a system of {self.order} states, at most {MOST_STATES} can be integrated with the optics; "
                 "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
             )
         return foster(self)
@@ -148,7 +148,7 @@ class StateSpace:
         A system that grows has a transient, but no static gain and no periodic state.
         """
         check_symmetric(E=self.E, A=self.A, hint=REFUSAL)
-        if self.order <= LARGEST:
+        if self.order <= MOST_STATES:
             matrices = {"E": self._sparse("E"), "-A": -self._sparse("A")}
             for name, matrix in matrices.items():
                 if not _definite(matrix.toarray()):
@@ -162,7 +162,7 @@ class StateSpace:
         milliwatt = 1e-3
         return self.response(waveforms.Constant(milliwatt), t, rtol=rtol) / milliwatt
 
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+    def impedance(self, frequency: ArrayLike) -> Complex:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
         check_single(self)
         E = self._sparse("E")
@@ -208,17 +208,17 @@ class StateSpace:
         Matrices are written in full; in a system of more than 500 states a diagonal E or A as its diagonal.
         """
         full = {name: self._sparse(name) for name in ("E", "A", "B", "C")}
-        if self.order > LARGEST:
+        if self.order > MOST_STATES:
             diagonal = all(full[name].nnz == np.count_nonzero(full[name].diagonal()) for name in ("E", "A"))
             if not diagonal or self.order > SAVED:
                 raise checks.InputError(
-                    f"a StateSpace of {self.order} states is too large for a file, which takes {LARGEST}, or {SAVED} "
-                    "with diagonal E and A, as of arrays",
+                    f"a StateSpace of {self.order} states is too large for a file, which takes {MOST_STATES}, or "
+                    f"{SAVED} with diagonal E and A, as of arrays",
                     "reduce finite elements (surrogate.reduce); of an array take fewer rings or a larger tolerance",
                 )
         tables = {name: matrix.toarray() for name, matrix in full.items()}
         self.check_passive()
-        if self.order > LARGEST:
+        if self.order > MOST_STATES:
             tables |= {name: full[name].diagonal() for name in ("E", "A")}
         units = {"E": "J/K", "A": "W/K", "B": "1", "C": "1"}
         return {**names(self), **{name: matrix.tolist() for name, matrix in tables.items()}, "units": units}
@@ -235,12 +235,13 @@ class StateSpace:
 
     def check_passive(self) -> None:
         """Raise InputError where a mode does not decay, or a pole cools a part that is heated and read."""
-        if self.order > LARGEST:  # of a file: both are diagonal
+        if self.order > MOST_STATES:  # of a file: both are diagonal
             capacity = self._sparse("E").diagonal()
             rate = -self._sparse("A").diagonal()
             B = self.B
             C = self.C
-            checks.positive("smallest entry of E and -A", min(capacity.min(), rate.min()))
+            smallest = min(capacity.min(), rate.min())
+            checks.positive("smallest entry of E and -A", smallest)
         else:
             rate, modes = eigenmodes(self)
             B = modes.T @ self.B
@@ -248,24 +249,25 @@ class StateSpace:
         for i, part in enumerate(self.inputs):
             if part in self.outputs:
                 j = self.outputs.index(part)
-                check_residues(C[j] * B[:, i] / rate, round_off=ROUND_OFF)
+                check_residues(C[j] * B[:, i] / rate, round_off=DEFINITE_ROUND_OFF)
 
 
 def _square(content: Mapping[str, Any], name: str) -> Array:
     """Matrix E or A from a model file, which holds it in full or as its diagonal."""
-    found = checks.numbers(name, content[name])
-    checks.integer(f"states of {name}", len(found), 1, SAVED)
-    return np.diag(found) if found.ndim == 1 else found
+    matrix = checks.numbers(name, content[name])
+    checks.integer(f"states of {name}", len(matrix), 1, SAVED)
+    return np.diag(matrix) if matrix.ndim == 1 else matrix
 
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
     """Copy of a matrix as real floats: dense, or where ``sparse`` a sparse one in CSC or CSR form."""
-    held = issparse(value)
-    found = checks.numbers(name, value.tocoo().data if held else value)
-    if not held:
-        return found
+    if not issparse(value):
+        return checks.numbers(name, value)
+    checks.numbers(name, value.tocoo().data)
+    if not sparse:
+        return value.toarray().astype(float)
     kind = csr_matrix if value.format == "csr" else csc_matrix
-    return kind(value, dtype=float, copy=True) if sparse else np.asarray(value.toarray(), dtype=float)
+    return kind(value, dtype=float, copy=True)
 
 
 def _definite(matrix: Array) -> bool:
@@ -276,7 +278,7 @@ def _definite(matrix: Array) -> bool:
     length = np.sqrt(diagonal)
     scaled = matrix / length / length[:, None]
     try:
-        np.linalg.cholesky(scaled + ROUND_OFF * np.eye(len(matrix)))
+        np.linalg.cholesky(scaled + DEFINITE_ROUND_OFF * np.eye(len(matrix)))
     except np.linalg.LinAlgError:
         return False
     return True
@@ -305,8 +307,8 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
 
     Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
     """
-    E = system.E.toarray() if issparse(system.E) else np.asarray(system.E, dtype=float)
-    A = system.A.toarray() if issparse(system.A) else np.asarray(system.A, dtype=float)
+    E = system.E.toarray() if issparse(system.E) else system.E
+    A = system.A.toarray() if issparse(system.A) else system.A
     check_symmetric(E=E, A=A, hint="only a symmetric system is a Foster network")
     try:
         rate, modes = eigh(-A, E)

@@ -141,8 +141,8 @@ class Mode:
     @cached_property
     def intensity(self) -> Array:
         """|E|^2 at the quadrature points, shape (triangles, points)."""
-        squares = [np.abs(component) ** 2 for component in self.fields]
-        return np.asarray(sum(squares))
+        r, z, axial = self.fields
+        return np.abs(r) ** 2 + np.abs(z) ** 2 + np.abs(axial) ** 2
 
     def integral(self, values: Array, *within: str) -> float:
         """int values s dA in um^2 over regions or materials, or all; values of shape (triangles, points or 1)."""
@@ -190,7 +190,7 @@ class Mode:
     @cached_property
     def _energy(self) -> Array:
         """n^2 |E|^2 at the quadrature points, shape (triangles, points)."""
-        return np.asarray(self._indices[0] * self.intensity)
+        return self._indices[0] * self.intensity
 
     @cached_property
     def share(self) -> float:
@@ -261,7 +261,7 @@ class Mode:
             )
         slopes = self.window.of_materials(lambda m: m.thermo_optic or 0.0)
         n = np.sqrt(self._indices[0])
-        return np.asarray(n * slopes * self.intensity)
+        return n * slopes * self.intensity
 
     @property
     def thermo_optic(self) -> float:

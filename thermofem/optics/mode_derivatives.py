@@ -1,6 +1,6 @@
 """Derivatives of a mode with respect to the numbers of its cross-section, exact for the discrete problem.
 
-The vertices move with the outlines as for the heat (`fem.shape_derivatives`), and the unknowns of e and p with them:
+The vertices move with the outlines as for the heat (`fem.heat_derivatives`), and the unknowns of e and p with them:
 
     d(beta^2) = -x.(dA + beta^2 dB) x,    x.B x = 1,    (A + beta^2 B) dx = -(dA + beta^2 dB + d(beta^2) B) x
 
@@ -192,7 +192,7 @@ class Variation:
 
 def _sides(corners: Array) -> Array:
     """Lengths of the three sides of triangles, for corners of shape (2, 3, triangles)."""
-    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0))
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0)
 
 
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
@@ -291,4 +291,4 @@ def light_slope(mode: Mode, basis: Any, one: Change) -> Array:
         mesh = replace(basis.mesh, doflocs=points)
         integral = end.light_integral(basis, mesh, step * variation.centre)
         means.append(integral / integral.sum())
-    return np.asarray((means[0] - means[1]) / (2 * h))
+    return (means[0] - means[1]) / (2 * h)

@@ -22,7 +22,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from ..algebra.factor import factorize
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask
 
 STRENGTH = 3.0  # of the layer's stretch 1 + i STRENGTH (depth/whole depth)^2
 
@@ -42,7 +42,7 @@ class Space:
     order: int = 2
     radius: float = np.inf
     layers: tuple[float, ...] = ()
-    wall: Callable[[Array], NDArray[np.bool_]] | None = None
+    wall: Callable[[Array], Mask] | None = None
 
     def __post_init__(self) -> None:
         if not np.all(np.diff(self.mesh.t, axis=0) > 0):  # else the elements would be wrong without an error
@@ -80,15 +80,15 @@ class Space:
     @cached_property
     def dx(self) -> Array:
         """Quadrature weights in um^2, shape (triangles, points)."""
-        return np.asarray(self.bases[0].dx)
+        return self.bases[0].dx
 
     @cached_property
     def points(self) -> Array:
         """x and y of the quadrature points in um, shape (2, triangles, points)."""
-        return np.asarray(self.bases[0].global_coordinates())
+        return self.bases[0].global_coordinates()
 
     @cached_property
-    def dofs(self) -> NDArray[np.intp]:
+    def dofs(self) -> Indices:
         """Unknowns of every triangle, those of e first, shape (triangles, functions)."""
         e, p = self.bases
         return np.vstack([e.element_dofs, p.element_dofs + e.N]).T
@@ -99,7 +99,7 @@ class Space:
         return int(self.bases[0].N + self.bases[1].N)
 
     @cached_property
-    def free(self) -> NDArray[np.intp]:
+    def free(self) -> Indices:
         """Unknowns that no electric wall holds."""
         if self.wall is None:
             return np.arange(self.size)
@@ -188,7 +188,7 @@ def eigenpairs(space: Space, A: Any, B: Any, shift: float, count: int) -> list[t
         solve = splu(shifted.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options=options).solve
 
     def image(v: Array) -> Array:
-        return np.asarray(solve(np.ascontiguousarray(-(B @ v))))
+        return solve(np.ascontiguousarray(-(B @ v)))
 
     inverse = LinearOperator((n, n), matvec=image, dtype=A.dtype)
     start = np.random.default_rng(0).standard_normal(n).astype(A.dtype)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import skfem
 
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices, Mask
 from ..checks import InputError, prefixed
 from ..geometry.regions import Face, cut, outlines
 from ..materials.material_library import VOID, Material, find
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 AIR = "air"  # what lies above the stack and in voids, where the heat problem has no triangles
 UM = 1e6  # um in a metre
-GRID = 1e-12  # m, on which the faces are cut at the sides of a window
+WINDOW_GRID = 1e-12  # m, on which the faces are cut at the sides of a window
 ROOM = 293.15  # K, at which index laws hold: they were measured at 20 to 26 C, and 6 K change silicon by 1e-3
 
 Box = tuple[float, float, float, float]  # left, right, bottom, top in m
@@ -38,15 +38,13 @@ class Window:
     """
 
     mesh: Any
-    region: NDArray[np.intp]
+    region: Indices
     names: tuple[str, ...]
     materials: tuple[Material, ...]
     ambient: float = ROOM
 
     @classmethod
-    def of(
-        cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: NDArray[np.bool_] | slice = slice(None)
-    ) -> Window:
+    def of(cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: Mask | slice = slice(None)) -> Window:
         """Make a window of a mesh in m; doubled points are joined, and a mirrored half (x >= 0) is completed."""
         corners = mesh.points[mesh.triangles[keep]]
         of = mesh.region[keep]
@@ -62,7 +60,7 @@ class Window:
         materials = tuple(material_of(geometry, name) for name in names)
         return cls(grid, region.ravel(), names, materials, geometry.ambient)
 
-    def inside(self, *names: str) -> NDArray[np.bool_]:
+    def inside(self, *names: str) -> Mask:
         """Which triangles belong to regions, or to materials, of these names; shape (triangles, 1)."""
         pairs = zip(self.names, self.materials, strict=True)
         inside = np.array([region in names or material.name in names for region, material in pairs])
@@ -133,7 +131,7 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     voids = {part.name for part in geometry.parts if part.material == VOID}
     everything = {"": corners} | outlines(geometry, whole=True)
-    faces = cut(everything, ground="", holes=voids, grid=GRID)
+    faces = cut(everything, ground="", holes=voids, grid=WINDOW_GRID)
     return [replace(face, owner=face.owner or AIR) for face in reversed(faces)]  # the core, meshed finest, first
 
 

@@ -37,12 +37,12 @@ from .esdirk import GAMMA, STAGE_TIMES, WEIGHTS, Stepper
 from .fast_part import Advanced, FastPart, FieldState, Inside
 from .integration import Ledger, between
 from .nonlinear import NonlinearEquations, NonlinearLedger
-from .remainders import SETTLED, LinearRemainder, NonlinearRemainder
+from .remainders import SETTLED_SHARE, LinearRemainder, NonlinearRemainder
 
 if TYPE_CHECKING:
     from ..models import StateSpace
 
-SHARE = 0.2  # of the tolerance, for each of the three errors of a step
+ERROR_SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
 
@@ -82,7 +82,7 @@ class FieldIntegrator:
         largest_output = np.abs(self.linear.C @ np.column_stack(per_watt)).max()
         self.per_kelvin = max(map(self.stepper.norm, per_watt)) / largest_output
         if isinstance(self.equations, NonlinearRemainder):
-            self.equations.share = SHARE
+            self.equations.share = ERROR_SHARE
             self.equations.per_kelvin = self.per_kelvin
         self.direct = np.array(direct) if len(direct) else np.zeros(len(self.linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
@@ -106,7 +106,7 @@ class FieldIntegrator:
 
     def temperature(self, state: FieldState) -> Array:
         """Rise x in K, shape (n,)."""
-        return np.asarray(self.basis.vectors @ state.z + state.r)
+        return self.basis.vectors @ state.z + state.r
 
     def stored(self, state: FieldState) -> float:
         """Heat in the field in J; nan without a ledger."""
@@ -209,7 +209,7 @@ class FieldIntegrator:
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
         """Amplitudes z in the window that begins at ``state``."""
         reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
-        allowed = SETTLED * self.tolerance / (reach * max(reach.size, 1))
+        allowed = SETTLED_SHARE * self.tolerance / (reach * max(reach.size, 1))
         return FastPart(self.basis, state.time, state.z, waves, times, self.equations.curved, allowed)
 
     def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
@@ -236,7 +236,7 @@ class FieldIntegrator:
     ) -> tuple[FieldState, float, Inside, Callable[[], Inside]] | None:
         """Take one step; returns the new state, the error over the tolerance, and outputs and r inside the step."""
         piece = fast.piece(t, h)
-        allowed = SHARE * self.tolerance
+        allowed = ERROR_SHARE * self.tolerance
         missed = float(piece.leftover @ self.missed(h)) / allowed
         if missed > 1:
             return None
@@ -271,7 +271,7 @@ class FieldIntegrator:
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
         """Errors of a step relative to the tolerance: of outputs and field at its end, and of outputs inside it."""
-        allowed = SHARE * self.tolerance
+        allowed = ERROR_SHARE * self.tolerance
         outputs = np.abs(self.linear.C @ estimate).max()
         field = self.stepper.norm(estimate) / self.per_kelvin
         end_error = float(max(outputs, field))

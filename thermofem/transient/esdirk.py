@@ -113,7 +113,7 @@ class Stepper:
         """`FAR` times the steady outputs over the norm of the steady field, shape (outputs,)."""
         outputs = np.abs(self.C @ self.steady)
         field = max(self.norm(self.steady), np.finfo(float).tiny)
-        return np.asarray(FAR * outputs / field)
+        return FAR * outputs / field
 
     def edges(self, stop: float, rtol: float) -> Array:
         """Ends of the smooth pieces up to ``stop`` in s: 0, all breakpoints, ``stop``; prepares `resolves`."""

@@ -135,7 +135,7 @@ class FastPart:
         h = self.grid[i + 1] - self.grid[i]
         u = ((t - self.grid[i]) / h)[..., None]
         c0, c1, c2, c3 = self._cubics[:, i]
-        return np.asarray(c0 + u * (c1 + u * (c2 + u * c3)))
+        return c0 + u * (c1 + u * (c2 + u * c3))
 
     def mean(self) -> Array:
         """Mean of z over the window, shape (k,)."""
@@ -172,7 +172,7 @@ class FastPart:
         moments = shapes.T @ products
         k = z.shape[1]
         at_stages = _AT_STAGES @ moments
-        return np.asarray(at_stages.reshape(len(at_stages), k, k))
+        return at_stages.reshape(len(at_stages), k, k)
 
     def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
         """Gauss points of all grid intervals in a step, as fractions of the step, and their weights."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import checks
 from ..algebra.factor import Pencil
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Indices
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
@@ -394,7 +394,7 @@ class _Record:
         )
 
 
-def between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
+def between(times: Array, start: float, stop: float) -> Indices:
     """Indices of the sorted ``times`` in (start, stop], with a tolerance for round-off at both ends."""
     slack = 1e-9 * (stop - start)
     first, end = np.searchsorted(times, [start + slack, stop + slack], side="right")

@@ -26,7 +26,7 @@ from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis, Rounds, rates
 from ..algebra.pole_responses import pole_responses
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, Indices
 from ..waveforms import Waveform
 from .esdirk import FAR
 from .integration import Ledger, Trajectory, check_run
@@ -184,7 +184,7 @@ def _first(wave: Waveform, times: Array) -> float:
     return float((after - starts).min(initial=np.inf))
 
 
-def _change(old: Solution, new: Solution, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
+def _change(old: Solution, new: Solution, C: Array, space: Rounds, shown: Indices) -> float:
     """Largest relative change between two solutions: of an output, or of fields at the times ``shown`` (indices).
 
     Relative to the largest value so far; for an output at least to `esdirk.FAR` of its value in a steady field.

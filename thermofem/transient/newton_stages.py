@@ -46,7 +46,7 @@ def _predicted(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
     """Starting guess of x at stage i, from the states and slopes of the stages before it."""
     _, sloped = THROUGH[i]
     by_slope = SLOPED[i, 6] * h * slopes[sloped]
-    return np.asarray(SLOPED[i, :i] @ states[:i] + by_slope)
+    return SLOPED[i, :i] @ states[:i] + by_slope
 
 
 class NewtonStepper(Stepper):

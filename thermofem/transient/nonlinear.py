@@ -32,7 +32,7 @@ from scipy.sparse import csc_matrix, csr_matrix, hstack, identity, vstack
 from scipy.sparse.linalg import splu
 
 from ..algebra.krylov import Basis
-from ..arrays import Array, NDArray
+from ..arrays import Array, Indices
 from ..materials.material_laws import Law, check_positive
 
 CANCELS = 1e-12  # of the numbers that are added: a sum that is smaller is round-off
@@ -49,7 +49,7 @@ class NodalOperator:
     """
 
     matrix: Any
-    laws: tuple[tuple[Law, NDArray[np.intp]], ...]
+    laws: tuple[tuple[Law, Indices], ...]
     ambient: float
 
     @cached_property
@@ -78,7 +78,7 @@ class NodalOperator:
         return np.concatenate([x, *integrals], axis=-1)
 
     def __call__(self, x: Array) -> Array:  # noqa: D102 - the class says what it is
-        return np.asarray(self.matrix @ self.extended(x))
+        return self.matrix @ self.extended(x)
 
     def jacobian(self, x: Array) -> Any:
         """Jacobian matrix at the rise ``x``, sparse."""
@@ -94,11 +94,11 @@ class NodalOperator:
 
         def along(v: Array) -> Array:
             changes = [slope * v[nodes] for (_, nodes), slope in zip(self.laws, slopes, strict=True)]
-            return np.asarray(self.matrix @ np.concatenate([v, *changes]))
+            return self.matrix @ np.concatenate([v, *changes])
 
         return along
 
-    def parts(self) -> Iterator[tuple[Law, NDArray[np.intp], Any]]:
+    def parts(self) -> Iterator[tuple[Law, Indices, Any]]:
         """Every law, the nodes where it is taken, and its columns of the matrix."""
         columns = sum(nodes.size for _, nodes in self.laws)
         start = self.matrix.shape[1] - columns
@@ -167,9 +167,7 @@ class NonlinearLedger:
         return h * float(weights @ drains) - float(gained_by_held)
 
 
-def nodal_operator(
-    parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], ambient: float
-) -> NodalOperator:
+def nodal_operator(parts: Sequence[tuple[Any, Law]], rest: Any, free: Indices, ambient: float) -> NodalOperator:
     """Make a NodalOperator, with rows for all unknowns, from one matrix for each law and a matrix ``rest`` without law.
 
     parts [sequence of (sparse matrix on all unknowns, law)]
@@ -271,7 +269,7 @@ def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
         total = np.zeros_like(squares)
         for block, nodes in parts:
             total = total + block @ squares[nodes]
-        return np.asarray(total.T)
+        return total.T
 
     return flow
 

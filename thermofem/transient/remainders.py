@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..models import StateSpace
 
 ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
-SETTLED = 1e-3  # of the tolerance, that an iteration may leave
+SETTLED_SHARE = 1e-3  # of the tolerance, that an iteration may leave
 ITERATION_SHARE = 0.02  # of the error of a step, that Newton's method may leave in a stage
 
 
@@ -190,7 +190,7 @@ class NonlinearRemainder(_Parts):
     def _holding(self, x: Array, target: Array) -> Array:
         """Rise near x with the heat content H(x) = target in J."""
         s = self.stepper
-        allowed = SETTLED * self.tolerance * self.per_kelvin
+        allowed = SETTLED_SHARE * self.tolerance * self.per_kelvin
         for _ in range(ROUNDS):
             missing = target - s.system.content(x)
             change = s.solve(0.0, missing) / s.nodal.slope(x)
@@ -237,7 +237,7 @@ class NonlinearRemainder(_Parts):
         """
         products = z[:, :, None] * z[:, None, :]
         missed = self.flow(fast.products(t, h) - products)
-        return np.asarray(missed @ self.basis.vectors @ self.EV.T - missed)
+        return missed @ self.basis.vectors @ self.EV.T - missed
 
     def _load(self, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
         """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt with H' inverted node by node."""
