@@ -18,7 +18,7 @@ import xarray as xr
 from thermofem import InputError, checks
 from thermofem.arrays import Array
 from thermofem.geometry.section_parts import LIGHT
-from thermofem.optics.coupler import MOST
+from thermofem.optics.coupler import MOST_COUPLING
 from thermofem.ring_temperature import GuidedMode
 
 from .cycles.limit_cycle import limit_cycle
@@ -60,7 +60,7 @@ def ring_at(
     n = _numbers(family, values)
     n |= {} if loss is None else {"loss": checks.between("loss", loss, 0, 1e6, unit="1/m")}
     if coupling is not None:
-        n |= dict.fromkeys(("kappa 0", "kappa 1"), checks.between("coupling", coupling, 1e-9, MOST))
+        n |= dict.fromkeys(("kappa 0", "kappa 1"), checks.between("coupling", coupling, 1e-9, MOST_COUPLING))
     for name, key in (("loss", "loss"), ("coupling", "kappa 0")):
         if key not in n:
             raise InputError(f"{name} is missing; give it, or [light] with loss and [[bus]] in the geometry")

@@ -23,7 +23,7 @@ from thermofem.data import quantity
 from thermofem.geometry import Bus
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics import mode_derivatives
-from thermofem.optics.coupler import MOST, STEP, TRUSTED, of_buses
+from thermofem.optics.coupler import MOST_COUPLING, STEP, TRUSTED, of_buses
 from thermofem.optics.mode_window import ROOM
 from thermofem.ring_temperature import GuidedMode, detuning_output
 
@@ -342,7 +342,7 @@ def _buses(
     number = checks.integer("buses", count or usual, 1, 2)
     if coupling is not None:
         hint = "it is the power that a bus takes in one pass; the rate model fails above 0.5"
-        power = checks.between("coupling", coupling, 1e-9, MOST, hint=hint)
+        power = checks.between("coupling", coupling, 1e-9, MOST_COUPLING, hint=hint)
         return (_Bus("", power, "given: kappa^2", 0.0, None),) * number
     guides = section.buses
     if gap is not None:

@@ -28,6 +28,7 @@ from . import checks
 from .algebra.factor import factorize
 from .algebra.krylov import four_shifts
 from .arrays import Array, ArrayLike
+from .checks import InputError
 from .data import dataset
 from .fem import HeatProblem
 from .geometry.section_parts import LIGHT
@@ -164,7 +165,7 @@ def port_of(name: str, model: Any, read: str) -> Foster:
         return Foster(R=weight**2 / rate, tau=1 / rate, inputs=part, outputs=part)
     if model.inputs == model.outputs and model.passive:
         return model
-    raise checks.InputError(
+    raise InputError(
         f"{name} is a network from {model.inputs[0]!r} to {model.outputs[0]!r} with R = {np.min(model.R):.3g} K/W; "
         "noise needs one port, the same weight for heat and temperature",
         "give the HeatProblem to thermal_noise, or reduce heat.channels(part, part)",
@@ -182,7 +183,7 @@ def _output(model: Any, read: str) -> int:
 def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
     """Spectrum of a heat problem; the mode's shift where the light is read."""
     if read == LIGHT and LIGHT not in heat.readable:
-        raise checks.InputError(
+        raise InputError(
             f"read = {LIGHT!r}, but the heat problem has no light",
             "heat.with_light(th.light(heat, wavelength=1.55e-6).mode()) has, or read='core'",
         )
@@ -229,7 +230,7 @@ def _certified(system: StateSpace, weight: Array, omega: Array) -> Spectrum:
             phi = (remainder @ weight - (across * y).sum(axis=1)) / square
         residual = np.abs(phi) ** 2 * _smallest(space, remainder, omega)
         bound = residual + NOISE_ROUND_OFF * real
-        if np.all(bound <= CERTIFIED * real):
+        if (bound <= CERTIFIED * real).all():
             break
     mean_square = weight @ factorize(space.M)(weight)
     return Spectrum(real, bound, float(mean_square), None)
@@ -250,13 +251,13 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
     The variance k_B T^2 C P C^T has A P + P A^T + 2 F F^T = 0.
     """
     if ring.thermal_forces is None:
-        raise checks.InputError(
+        raise InputError(
             "the forces on the poles of this linear ring are not known: its heat is read elsewhere than it is made, is "
             "not linear, is shared by several rings, or moves the resistance of a heater (tcr)",
             "linearize it with the reduction of one part, or of all parts that are read",
         )
     if not ring.stable:
-        raise checks.InputError("the steady state is unstable: its noise grows without end", "lower the power")
+        raise InputError("the steady state is unstable: its noise grows without end", "lower the power")
     if read == LIGHT:
         read = next(name for name in ring.outputs if name.startswith("delta_T"))
     output = ring.outputs.index(checks.choice("read", read, ring.outputs))

@@ -24,7 +24,7 @@ from thermofem.fem.assembly import assemble_like
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import HasModel
 from thermofem.optics.coupler import of_buses
-from thermofem.optics.mode import LEAST
+from thermofem.optics.mode import LEAST_RATE
 from thermofem.optics.mode_derivatives import numbers
 from thermofem.optics.modes import Light
 
@@ -73,7 +73,7 @@ class OpticalNumbers:
         values[:, logarithmic] = np.exp(values[:, logarithmic])
         column = self.names.index("radiated")
         radiated = values[:, column]
-        values[:, column] = np.where(radiated > 2 * LEAST, radiated - LEAST, 0.0)
+        values[:, column] = np.where(radiated > 2 * LEAST_RATE, radiated - LEAST_RATE, 0.0)
         return np.asarray(values)
 
     def moves(self, k: int) -> bool:
@@ -290,7 +290,7 @@ def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solv
     _check_left_out(results)
     names = tuple(members[0].numbers)
     table = np.array([itemgetter(*names)(member.numbers) for member in members])
-    values = table + LEAST * np.array([name == "radiated" for name in names])
+    values = table + LEAST_RATE * np.array([name == "radiated" for name in names])
     logarithmic = _logarithmic(names)
     values[:, logarithmic] = np.log(values[:, logarithmic])
     shares = box.share(every[solved])

@@ -18,6 +18,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array
+from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
 
@@ -99,7 +100,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not checks.check_name("drive", self.name).isidentifier() or self.name in RESULT:
-            raise checks.InputError(
+            raise InputError(
                 f"drive name = {self.name!r} is not usable", f"take letters, digits and _, not {RESULT[0]}"
             )
         self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
@@ -131,7 +132,8 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     top = read_table(files.from_toml(text), _TOP, "the file", required=("geometry",))
     probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
     read = probes.get("read", [])
-    read = checks.check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
+    if read != []:
+        read = checks.check_names("[probes]: read", [read] if isinstance(read, str) else read)
     heated = probes.get("heated")
     return {
         "geometry": _geometry(top["geometry"], folder),
@@ -139,7 +141,7 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
         "drives": tuple(_drive(item, k) for k, item in enumerate(top.get("drive", []), 1)),
         "name": top.get("name", "campaign"),
         "heated": heated if heated is None else checks.check_name("[probes]: heated", heated),
-        "read": read,
+        "read": tuple(read),
         "accuracy": top.get("accuracy", 1e-3),
         "rtol": top.get("rtol", 1e-4),
         "samples": checks.integer("samples", top.get("samples", 0), 0, MOST_POINTS),
@@ -171,19 +173,19 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     keys = {"values", "from", "to", "count"} & set(table)
     empty = listed is not None and not (isinstance(listed, list) and listed)
     if empty or keys not in ({"values"}, {"from", "to"}, {"from", "to", "count"}):
-        raise checks.InputError(f"{where}: give values = [...], or from and to, not both")
+        raise InputError(f"{where}: give values = [...], or from and to, not both")
     if listed is not None:
         unit, values = _listed(listed, where)
         return Variation(name, paths, unit, values)
-    unit, ends = _listed([table["from"], table["to"]], where)
-    begin, end = ends
+    unit, (begin, end) = _listed([table["from"], table["to"]], where)
     low = checks.finite(f"{where}: from", begin)
     high = checks.finite(f"{where}: to", end)
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
     if "count" not in table:
         return free
-    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, MOST_POINTS))
-    return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
+    count = checks.integer(f"{where}: count", table["count"], 2, MOST_POINTS)
+    values = tuple(float(f"{free.at(share):.9g}") for share in np.linspace(0, 1, count))
+    return Variation(name, paths, unit, values)
 
 
 def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
@@ -191,11 +193,11 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
     for unit in _UNITS:
         try:
             return unit, tuple(quantity.parse(text, unit, name=where) for text in texts)
-        except checks.InputError:
+        except InputError:
             continue
     if all(isinstance(text, str) and text[:1].isalpha() for text in texts):
         return "", tuple(texts)
-    raise checks.InputError(
+    raise InputError(
         f'{where}: {checks.shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"'
     )
 
@@ -207,26 +209,28 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
     periodic = table.get("periodic", False)
     kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
     spacing = table.get("spacing", "log" if kind == "step" else "linear")
-    for key, needed, other in (
-        ("pulse", "square" not in table, "pulse and square exclude each other; give one"),
-        ("duty", "square" in table, "duty goes with square: a pulse or a step has none"),
-        ("first", spacing != "linear", 'first goes with spacing = "log"; even times begin at 0'),
-        *(
-            (key, not (periodic and "square" in table), f"{key} is that of a transient, not of a periodic state")
-            for key in ("duration", "first", "spacing")
-        ),
-    ):
-        if key in table and not needed:
-            raise checks.InputError(f"{where}: {other}")
-    wave: Any = waveforms.Constant(watts)
-    if "pulse" in table:
+    faults = {
+        "pulse and square exclude each other; give one": kind == "pulse" and "square" in table,
+        "duty goes with square: a pulse or a step has none": "duty" in table and "square" not in table,
+        'first goes with spacing = "log"; even times begin at 0': "first" in table and spacing == "linear",
+    }
+    if periodic and "square" in table:
+        for key in ("duration", "first", "spacing"):
+            faults[f"{key} is that of a transient, not of a periodic state"] = key in table
+    for fault, applies in faults.items():
+        if applies:
+            raise InputError(f"{where}: {fault}")
+    wave: waveforms.Waveform = waveforms.Constant(watts)
+    if kind == "pulse":
         wave = waveforms.Pulse(watts, table["pulse"])
-    elif "square" in table:
+    elif kind == "square":
         wave = waveforms.SquareWave(watts, table["square"], table.get("duty", 1 / 3))
     name = table.get("name", kind)
     if periodic:
-        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST_POINTS))
-    return Drive(name, wave, _times(table, where, checks.choice(f"{where}: spacing", spacing, ("linear", "log"))))
+        samples = checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST_POINTS)
+        return Drive(name, wave, samples=samples)
+    checks.choice(f"{where}: spacing", spacing, ("linear", "log"))
+    return Drive(name, wave, _times(table, where, spacing))
 
 
 def _times(table: dict[str, Any], where: str, spacing: str) -> tuple[float, ...]:

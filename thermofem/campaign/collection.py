@@ -75,8 +75,7 @@ class Folder:
 
     def write_failure(self, key: str, reason: str, values: Mapping[str, Any]) -> None:
         """Store why one geometry has no result."""
-        text = json.dumps({"reason": reason, "values": values}, indent=1)
-        files.write_whole(self.failure(key), lambda temporary: temporary.write_text(text))
+        _write_json(self.failure(key), {"reason": reason, "values": values})
 
     def reason(self, key: str) -> str:
         """Reason why a geometry has no result; empty where none was written."""
@@ -90,13 +89,13 @@ class Folder:
     def status(self, keys: list[str]) -> list[str]:
         """Status of each geometry: "finished", "failed" or "waiting"."""
         finished = self.store.intact(keys)
-        words = []
-        for key in keys:
+
+        def word(key: str) -> str:
             if key in finished:
-                words.append("finished")
-            else:
-                words.append("failed" if self.failure(key).is_file() else "waiting")
-        return words
+                return "finished"
+            return "failed" if self.failure(key).is_file() else "waiting"
+
+        return list(map(word, keys))
 
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
         """Write the plan of the campaign into its folder."""
@@ -111,8 +110,7 @@ class Folder:
             "drives": drives,
             "cases": [[case.key, *case.values] for case in cases],
         }
-        text = json.dumps(plan)
-        files.write_whole(self.plan, lambda temporary: temporary.write_text(text))
+        _write_json(self.plan, plan)
 
     def read_plan(self) -> dict[str, Any]:
         """The plan as `write_plan` stored it; InputError where the folder holds none, or one with invalid keys."""
@@ -122,6 +120,11 @@ class Folder:
         if not all(KEY.fullmatch(str(case[0])) for case in plan["cases"]):  # keys become names of files
             raise InputError(f"{self.plan} was changed", "run the campaign again, which takes over its results")
         return plan
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    text = json.dumps(content)
+    files.write_whole(path, lambda temporary: temporary.write_text(text))
 
 
 def open_campaign(directory: str | Path) -> xr.Dataset:
@@ -216,8 +219,9 @@ def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
     columns = []
     for name in names:
         values = data[name].values
-        words = values.astype(str)
-        columns.append(np.searchsorted(np.unique(words), words) if values.dtype == object else values)
+        if values.dtype == object:
+            _, values = np.unique(values.astype(str), return_inverse=True)
+        columns.append(values)
     units = [str(data[name].attrs.get("units", "1")) for name in names]
     matrix = np.array(columns, dtype=float).reshape(len(names), data.sizes["case"]).T
     return data.assign(

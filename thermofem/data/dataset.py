@@ -22,6 +22,7 @@ import xarray as xr
 
 from .. import __version__, checks, waveforms
 from ..arrays import Array, ArrayLike
+from ..checks import InputError
 from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
 from .variables import contents, describe, unit_of
@@ -94,7 +95,7 @@ def build(
     times = checks.array("times", times, increasing=True)
     rise = checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
-        raise checks.InputError(
+        raise InputError(
             f"delta_T has shape {rise.shape}; a value for each of {times.size} times is needed, or for each of "
             f"{len(read)} probes at each time"
         )
@@ -161,7 +162,7 @@ def response_of(data: xr.Dataset) -> Response:
     times = checks.array("data.time", data["time"].values, increasing=True)
     if more := [str(dim) for dim in data["delta_T"].dims if dim != "time"]:
         pick = "data.sel(probe='core'), or --read core" if more == ["probe"] else f"data.isel({more[0]}=0)"
-        raise checks.InputError(f"data.delta_T has a dimension {more[0]!r} beside time", f"pick one with {pick}")
+        raise InputError(f"data.delta_T has a dimension {more[0]!r} beside time", f"pick one with {pick}")
     rise = checks.array("data.delta_T", data["delta_T"].values)
     checks.enough("data", times.size, FEWEST)
     checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
@@ -197,7 +198,7 @@ def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None
     """Raise InputError where the times of a periodic state extend beyond one period."""
     if wave.period is not None and times[-1] > wave.period * (1 + 1e-9):
         held = f"a periodic state is one period of {wave.period:g} s"
-        raise checks.InputError(f"{name} runs to {times[-1]:g} s; {held}", "leave the later periods out")
+        raise InputError(f"{name} runs to {times[-1]:g} s; {held}", "leave the later periods out")
 
 
 def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
@@ -244,7 +245,7 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
         steady = wave(t) == wave.before(t)
         thrice = k and times[k - 1] == t
         if steady or thrice or abs(after - before) > largest:
-            raise checks.InputError(
+            raise InputError(
                 f"data.time has {t:g} s twice, with delta_T = {before:g} and {after:g} K; a time may "
                 "stand twice only where the power jumps; take one out, or average them"
             )
@@ -274,7 +275,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     wrong = misfit > 1e-6 * scale
     if np.any(wrong):
         k = int(np.argmax(wrong))
-        raise checks.InputError(
+        raise InputError(
             f"data.power[{k}] = {power[k]:g} W contradicts the waveform attribute ({right[k]:g} W); drop one of them"
         )
 
@@ -295,7 +296,7 @@ def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
             if part != other:
                 here = f"data[{k}] was {what} in {checks.shown(part)}"
                 there = f"data[{first}] in {checks.shown(other)}"
-                raise checks.InputError(f"{here} and {there}: two channels; fit each on its own")
+                raise InputError(f"{here} and {there}: two channels; fit each on its own")
     doubts = []
     for what, words in (("read", _NAMES), ("geometry", _OTHER)):
         values = dict.fromkeys(str(stated[what]) for stated in attrs if stated.get(what))

@@ -24,6 +24,7 @@ import filelock
 import tomli_w
 
 from .. import checks
+from ..checks import InputError
 from . import quantity
 
 T = TypeVar("T")
@@ -50,7 +51,7 @@ def regular(path: str | Path, kind: str = "") -> Path:
         there = path.exists()
         if path.is_file():
             return path
-    raise checks.InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
+    raise InputError(f"{what} {'cannot be read: it is a folder or a device' if there else 'does not exist'}")
 
 
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_FILE) -> bytes:
@@ -100,7 +101,7 @@ def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
     with checks.prefixed("not valid TOML", ValueError, RecursionError):
         if len(text) > LARGEST_TOML or _DOTTED.search(text):
-            raise checks.InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
+            raise InputError(f"more than {LARGEST_TOML} characters, or nested more than {DEPTH} deep")
         tables = tomllib.loads(text)
     _check_tree(tables)
     return tables
@@ -121,7 +122,7 @@ def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
         finite = not isinstance(value, float) or math.isfinite(value)
         if not finite or not isinstance(value, str | int | float | None):
             rule = f"more than {DEPTH} deep" if nested else "neither text, finite number, true nor false"
-            raise checks.InputError(f"{where}{key}: {checks.shown(value)} is {rule}")
+            raise InputError(f"{where}{key}: {checks.shown(value)} is {rule}")
 
 
 def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
@@ -135,7 +136,7 @@ def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Seq
     for key in required:
         if key not in table:
             hint = f"add [[{key}]] tables" if keys[key] == TABLES else ""
-            raise checks.InputError(f"{where}: {key} is missing", hint)
+            raise InputError(f"{where}: {key} is missing", hint)
     return {key: _value(f"{where}: {key}", value, keys[key]) for key, value in table.items()}
 
 
@@ -148,7 +149,7 @@ def _value(name: str, value: Any, kind: str) -> Any:
     if fits and kind == TABLES:
         fits = all(isinstance(table, dict) for table in value)
     if not fits:
-        raise checks.InputError(f"{name} = {checks.shown(value)} must be {kind}")
+        raise InputError(f"{name} = {checks.shown(value)} must be {kind}")
     return value
 
 
@@ -199,11 +200,11 @@ def check_target(path: str | Path) -> Path:
     path = Path(os.path.realpath(checks.path("path", path)))
     folder = path.parent
     if not folder.is_dir():
-        raise checks.InputError(f"{folder} is not a folder; make it first to write {path.name}")
+        raise InputError(f"{folder} is not a folder; make it first to write {path.name}")
     there = path.exists()
     writable = os.access(path if there else folder, os.W_OK)
     if not writable or (there and not path.is_file()):
-        raise checks.InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
+        raise InputError(f"{path} is a folder or a device, or write-protected; give the name of a file")
     return path
 
 
@@ -254,7 +255,7 @@ def locked(path: Path, what: str) -> Iterator[None]:
         try:
             lock.acquire()
         except filelock.Timeout:
-            raise checks.InputError("it is in use by another run", "wait for it, or take another one") from None
+            raise InputError("it is in use by another run", "wait for it, or take another one") from None
     with lock:
         yield
 

@@ -30,6 +30,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .. import checks
 from ..arrays import Array, Indices, Mask
+from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.regions import SIDES
 from ..geometry.ring_sections import strip_ring
@@ -104,7 +105,7 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float, *, degree: int 
     Raises InputError: a racetrack, which is not axisymmetric.
     """
     if geometry.straight:
-        raise checks.InputError(
+        raise InputError(
             f"{geometry.name!r} is a racetrack ([plan] straight), and the FEM solves circles",
             "`thermofem reduce` makes its model for simulate and others, surrogate.reduce_layout(th.read_layout(file)) "
             "in Python; without [plan] it is a circle",
@@ -223,7 +224,7 @@ class Leader:
         """
         try:
             points = self.motion.moved(geometry)
-        except checks.InputError:
+        except InputError:
             return None
         flattest = quality(points, self.motion.mesh.triangles).min()
         if flattest < FLATTEST:
@@ -311,7 +312,7 @@ def _check_outline(geometry: CrossSection, mesh: Mesh) -> None:
     outside = ~on_side.any(axis=0)
     if outside.any():
         k = int(np.argmax(outside))
-        raise checks.InputError(
+        raise InputError(
             f"the outline of the mesh at r = {r[k]:g} m, z = {z[k]:g} m lies on no side of {geometry.name!r}; its "
             "layers and outer_radius must be those of the mesh",
             OTHER_DOMAIN,
@@ -322,7 +323,7 @@ def _check_outline(geometry: CrossSection, mesh: Mesh) -> None:
     # 1e-6: gmsh's files round coordinates
     if np.abs(span - expected).max() > 1e-6 * np.abs(expected).max():
         (r0, z0), (r1, z1) = span
-        raise checks.InputError(
+        raise InputError(
             f"the mesh spans r = {r0:g} to {r1:g} m and z = {z0:g} to {z1:g} m, not the domain of {geometry.name!r}",
             OTHER_DOMAIN,
         )
@@ -392,7 +393,7 @@ def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatPro
     if base and getattr(_thread, "key", None) != (base, accuracy):
         _thread.key = base, accuracy
         _thread.leader = None
-        with suppress(checks.InputError):  # the base geometry itself cannot be solved
+        with suppress(InputError):  # the base geometry itself cannot be solved
             origin = CrossSection.from_toml_text(base)
             _thread.leader = Leader(origin, accuracy)
     if not base or _thread.leader is None:

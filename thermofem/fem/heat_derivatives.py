@@ -386,7 +386,7 @@ def _settled(responses: Answers, before: Answers) -> bool:
         if now is None or last is None:
             continue
         largest = np.abs(now).max(axis=1, keepdims=True)
-        if np.any(np.abs(now - last) > SETTLED_DERIVATIVE * largest):
+        if (np.abs(now - last) > SETTLED_DERIVATIVE * largest).any():
             return False
     return True
 
@@ -408,7 +408,7 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
     shifts = np.zeros(1)
     if t is not None or f is not None:
         fast = [10 * slow]
-        if t is not None and np.any(t > 0):
+        if t is not None and (t > 0).any():
             fast.append(3 / t[t > 0].min())
         if f is not None:
             fast.append(2 * np.pi * np.abs(f).max())

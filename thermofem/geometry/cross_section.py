@@ -19,6 +19,7 @@ from typing import Any
 
 from .. import checks
 from ..arrays import ArrayLike, Mask
+from ..checks import InputError
 from ..data import files
 from ..materials.material_laws import beyond_table
 from ..materials.material_library import VOID, Material, find
@@ -102,9 +103,9 @@ class CrossSection:
         check_places(self)
         check_copies(self)
         if not any(part.heated for part in self.parts):
-            raise checks.InputError(f"{self.name!r}: no part is heated; mark one with heated = true")
+            raise InputError(f"{self.name!r}: no part is heated; mark one with heated = true")
         if not (self.bottom.holds or self.top.holds or self.outer.holds):
-            raise checks.InputError(
+            raise InputError(
                 f"{self.name!r}: bottom, top and outer are all insulated, so heat has no way out and no steady state "
                 "exists; make one of them isothermal or convective"
             )
@@ -121,14 +122,14 @@ class CrossSection:
             length("length", self.length, typical=300e-6)
             object.__setattr__(self, "outer_radius", length("half_width", self.half_width, typical=60e-6))
         elif self.length is not None or self.half_width is not None:
-            raise checks.InputError(f'{self.name!r}: length and half_width belong to kind = "straight"')
+            raise InputError(f'{self.name!r}: length and half_width belong to kind = "straight"')
         else:
             length("outer_radius", self.outer_radius, typical=60e-6)
         self._check_plan()
         for part in self.parts:
             if part.straight != (self.kind == "straight"):
                 given = "x and width" if self.kind == "straight" else "radius and width, or inner_radius, outer_radius"
-                raise checks.InputError(f"part {part.name!r} of a {self.kind} section needs {given}")
+                raise InputError(f"part {part.name!r} of a {self.kind} section needs {given}")
 
     def _check_plan(self) -> None:
         """Check that a racetrack has bends, and nothing that its straights would not have."""
@@ -137,18 +138,18 @@ class CrossSection:
         if not self.straight:
             return
         if self.kind == "straight":
-            raise checks.InputError(f'{self.name!r}: [plan] straight belongs to a ring, not to kind = "straight"')
+            raise InputError(f'{self.name!r}: [plan] straight belongs to a ring, not to kind = "straight"')
         disc = next((part.name for part in self.parts if not part.inner_radius), None)
         if disc is not None:
-            raise checks.InputError(f"{self.name!r}: the disc {disc!r} has no straights; leave out [plan] straight")
+            raise InputError(f"{self.name!r}: the disc {disc!r} has no straights; leave out [plan] straight")
         copy = next((probe.name for probe in self.probes), None)
         if copy is not None:
-            raise checks.InputError(f"{self.name!r}: probe {copy!r} is one of a circle; a racetrack reads parts alone")
+            raise InputError(f"{self.name!r}: probe {copy!r} is one of a circle; a racetrack reads parts alone")
 
     def _check_names(self) -> None:
         data = [layer.name for layer in self.layers if layer.datum]
         if len(data) != 1:
-            raise checks.InputError(f"{len(data)} layers have datum = true; z = 0 lies at the top of exactly one layer")
+            raise InputError(f"{len(data)} layers have datum = true; z = 0 lies at the top of exactly one layer")
         owners = {f"layer {layer.name!r}": layer.material for layer in self.layers}
         owners |= {f"part {part.name!r}": part.material for part in self.parts}
         for what, material in owners.items():
@@ -359,10 +360,10 @@ def footprint(geometry: CrossSection) -> float:
 def check_uniform(geometry: CrossSection, who: str) -> None:
     """Raise InputError where a void cuts the stack: a copy of the ring would add a void that the field lacks."""
     if geometry.kind == "straight":
-        raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
+        raise InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
     for part in geometry.parts:
         if part.material == VOID and part.height:
-            raise checks.InputError(
+            raise InputError(
                 f"{who}: the void {part.name!r} makes the stack laterally not uniform, and a neighbour would have its "
                 "own void; only a uniform stack can be read off the axis; give the matrices of a three-dimensional "
                 "model instead"

@@ -22,6 +22,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
+from ..checks import InputError
 from ..data import files, quantity
 from ..materials.material_laws import fixed_index
 from ..materials.material_library import find, with_value
@@ -65,7 +66,7 @@ def check_once(paths: Iterable[str]) -> None:
             first = sizes.setdefault(part, key)
             if (first in _CENTRE) != (key in _CENTRE):
                 name = part.removeprefix("part.")
-                raise checks.InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
+                raise InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
 
 
 def place(table: dict[str, Any], path: str, text: Any) -> None:
@@ -103,7 +104,7 @@ def _holder(table: dict[str, Any], path: str) -> tuple[dict[str, Any], str]:
             sides[name] = {}
         return sides[name], key
     if kind != "material" or not name:
-        raise checks.InputError(f"path {path!r} leads nowhere; {_HINT}")
+        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
     *before, quality = middle
     materials = table.setdefault(kind, {})
     if not before or quality not in _LAWS:
@@ -129,7 +130,7 @@ def _measure(item: dict[str, Any], key: str) -> None:
         item["outer_radius"] = quantity.write(first + second / 2, "m")
         return
     if not first:
-        raise checks.InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
+        raise InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
     item["radius"] = quantity.write((first + second) / 2, "m")
     item["width"] = quantity.write(second - first, "m")
 
@@ -178,7 +179,7 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     values = [_value(geometry, table, path) for path in paths]
     units = sorted({unit_of(path) or "" for path in paths})
     if len(units) > 1:
-        raise checks.InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
+        raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
     step = _STEP * abs(values[0]) or _LEAST
 
     def after(steps: int) -> dict[str, dict[Any, Any]]:
@@ -200,7 +201,7 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
             if np.any(slope):
                 slopes[kind][key] = slope
     if not any(slopes.values()):
-        raise checks.InputError(f"path {' + '.join(paths)!r} has no derivative")
+        raise InputError(f"path {' + '.join(paths)!r} has no derivative")
     return Change(" + ".join(paths), values[0], units[0], **slopes)
 
 
@@ -219,16 +220,16 @@ def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:
     if isinstance(value, dict):
         value = value.get("value")
     if unit is None or not isinstance(value, str | float):
-        raise checks.InputError(f"path {path!r} has no derivative: {key} is no number")
+        raise InputError(f"path {path!r} has no derivative: {key} is no number")
     if kind == "bus" and key == "straight" and geometry.straight:
-        raise checks.InputError(
+        raise InputError(
             f"path {path!r} has no derivative: the bus of a racetrack runs along it, and [plan] straight is its length"
         )
     parts = geometry.parts if kind == "part" else ()
     for part in parts:
         disc = key == "inner_radius" and not (part.inner_radius or part.straight)
         if part.name == holder["name"] and (disc or not part.height):
-            raise checks.InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
+            raise InputError(f"path {path!r} has no derivative: part {part.name!r} has height 0, or is a disc")
     return value if isinstance(value, float) else quantity.parse(value, unit, name=path)
 
 

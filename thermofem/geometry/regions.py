@@ -19,6 +19,7 @@ from shapely.geometry.polygon import orient
 
 from .. import checks
 from ..arrays import Array, Indices, Mask, NDArray
+from ..checks import InputError
 from ..materials.material_library import VOID
 from .section_parts import THINNEST, Layer, layer_edges
 
@@ -145,7 +146,7 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     for part in geometry.parts:
         if part.name in boundaries and part.name not in owners:
             covers = ", ".join(repr(name) for name in _touching(geometry, part.name, boundaries))
-            raise checks.InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")
+            raise InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")
     faces = tuple(face for face in shown if face.owner not in voids)
     for face in faces:
         _check_thickness(face, boundaries)
@@ -262,7 +263,7 @@ def _check_thickness(face: Face, boundaries: dict[str, Array]) -> None:
         place = corners[gap.min(axis=1).argmin()]
         r, z = place
         outlines_there = [name for name in boundaries if distance(place, _closed(boundaries[name])) < THINNEST]
-        raise checks.InputError(
+        raise InputError(
             f"{face.owner!r} has a sliver of {thickness:.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
             f"atom; make the outlines of {' and '.join(map(repr, outlines_there))} agree there"
         )
@@ -301,14 +302,14 @@ def check_places(geometry: CrossSection) -> None:
         where = f"part {part.name!r} (z = {part.bottom:g} .. {part.top:g} m)"
         reach = float(np.abs(part.outline()[:, 0]).max())
         if reach > geometry.outer_radius + CUT_GRID:
-            raise checks.InputError(
+            raise InputError(
                 f"part {part.name!r} reaches {along} = {reach:g} m, outside {end} = {geometry.outer_radius:g} m"
             )
         if part.bottom < low - CUT_GRID:
-            raise checks.InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")
+            raise InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")
         crosses = part.bottom < high - CUT_GRID and part.top > high + CUT_GRID
         if crosses and part.material != VOID:
-            raise checks.InputError(
+            raise InputError(
                 f"{where} sticks out of the stack, which ends at z = {high:g} m; lower it, raise the top layer, or "
                 "make it two parts, one below and one above that height"
             )
@@ -330,7 +331,7 @@ def check_held(geometry: CrossSection) -> None:
         raise _cut_off(geometry, faces)
 
 
-def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
+def _cut_off(geometry: CrossSection, piece: list[Face]) -> InputError:
     """InputError for a connected piece that touches no side of fixed temperature."""
     heated = (face for face in piece if face.owner in geometry.heated)
     face = next(heated, piece[0])
@@ -347,7 +348,7 @@ def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
         where = f"is cut off from the stack by the void {' and '.join(map(repr, around))}"
     else:
         where = f"lies outside the stack, which {geometry.layers[-1].name!r} ends at z = {geometry.top_z:g} m"
-    return checks.InputError(
+    return InputError(
         f"{face.owner!r} near r = {r:g} m, z = {z:g} m {where}: it touches no side that holds the temperature, so its "
         "heat has no way out"
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
+from ..checks import InputError
 from ..data import quantity
 from ..materials.material_library import VOID
 
@@ -45,7 +46,7 @@ class Layer:
         checks.plain(self)
         checks.check_name("layer", self.name)
         if self.material == VOID:
-            raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
+            raise InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
 
 
@@ -121,12 +122,12 @@ class Part:
         r = self.outline()[:, 0]
         crossed = r[1] <= r[0] or r[2] <= r[3]
         if crossed or (r.min() < 0 and not self.straight):
-            raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
+            raise InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
         if self.resistance is not None:
             checks.positive(f"{of}resistance", self.resistance, unit="ohm", at_most=1e9)
         checks.between(f"{of}tcr", self.tcr, -0.1, 0.1, unit="1/K", hint="metals have 1e-3 to 4e-3")
         if self.heated and self.material == VOID:
-            raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
+            raise InputError(f"{of}void cannot be heated; give it a material or heated = false")
 
     @property
     def straight(self) -> bool:
@@ -271,7 +272,7 @@ class Probe:
         checks.check_name("probe", self.name)
         if (self.shell is None) == (self.distance is None):
             both = "it has neither" if self.shell is None else "not both"
-            raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
+            raise InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
         if self.shell is not None:
             length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
         if self.distance is not None:
@@ -346,7 +347,7 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     hint = slip(width, 450e-9, radius)
     width = checks.between(f"{of}width", width, THINNEST, math.inf, unit="m", hint=hint)
     if width > 2 * radius:
-        raise checks.InputError(f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", hint)
+        raise InputError(f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", hint)
     return radius - width / 2, radius + width / 2
 
 

@@ -16,6 +16,7 @@ import shapely
 
 from .. import checks
 from ..arrays import Array, ArrayLike
+from ..checks import InputError
 from ..materials.material_library import VOID
 from . import section_parts
 from .cross_section import CrossSection
@@ -68,19 +69,17 @@ class Shape:
         hint = 'th.straight_guide(...) or a geometry file with kind = "straight"'
         checks.instance(f"{what}: section", self.section, CrossSection, hint=hint)
         if self.section.kind != "straight":
-            raise checks.InputError(
-                f"{what}: section {self.section.name!r} is that of a ring; a straight one is needed", hint
-            )
+            raise InputError(f"{what}: section {self.section.name!r} is that of a ring; a straight one is needed", hint)
         part = checks.choice(f"{what}: part", self.part, self.section.heated, default=self.section.heated[0])
         object.__setattr__(self, "part", part)
         void = next((one.name for one in self.section.parts if one.material == VOID), None)
         if void is not None:
-            raise checks.InputError(
+            raise InputError(
                 f"{what}: the void {void!r} cuts the stack, which is taken as uniform between shapes; leave it out, or "
                 "give the matrices of a three-dimensional model instead"
             )
         if (self.outline is None) == (self.path is None):
-            raise checks.InputError(f"{what}: give either an outline or a path, in m")
+            raise InputError(f"{what}: give either an outline or a path, in m")
         field = "path" if self.outline is None else "outline"
         points = _points(f"{what}: {field}", getattr(self, field), 2 if field == "path" else 3)
         object.__setattr__(self, field, tuple(map(tuple, points.tolist())))
@@ -88,7 +87,7 @@ class Shape:
             _check_line(what, points)
         polygon = self.polygon
         if polygon.geom_type != "Polygon" or not polygon.area or len(polygon.interiors) > 1:
-            raise checks.InputError(f"{what}: its {field} crosses itself; draw each piece as a shape of its own")
+            raise InputError(f"{what}: its {field} crosses itself; draw each piece as a shape of its own")
         checks.between(
             f"{what}: length",
             self.length,
@@ -252,7 +251,7 @@ def along_ring(ring: CrossSection) -> tuple[Shape, ...]:
 def _points(what: str, value: ArrayLike, least: int) -> Array:
     points = checks.numbers(what, value, hint="points (x, y) in m")
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least:
-        raise checks.InputError(f"{what} has shape {points.shape}; rows (x, y) in m are needed, at least {least}")
+        raise InputError(f"{what} has shape {points.shape}; rows (x, y) in m are needed, at least {least}")
     section_parts.length(f"{what}: its extent", float(np.ptp(points, axis=0).max()), typical=20e-6)
     return points
 
@@ -273,18 +272,18 @@ def _check_line(what: str, points: Array) -> None:
     closed = bool((points[0] == points[-1]).all())
     line = shapely.LineString(points * UM)
     if not line.is_simple:
-        raise checks.InputError(f"{what}: its path crosses itself; draw each piece as a shape of its own")
+        raise InputError(f"{what}: its path crosses itself; draw each piece as a shape of its own")
     if closed and len(points) < 4:
-        raise checks.InputError(f"{what}: its path of {len(points)} points encloses nothing; add points")
+        raise InputError(f"{what}: its path of {len(points)} points encloses nothing; add points")
     radius, turn, (x, y) = _bends(points)
     if turn > SHARPEST:
-        raise checks.InputError(
+        raise InputError(
             f"{what}: its path turns by {math.degrees(turn):.0f} deg at ({x:g}, {y:g}) m; give bends many points, or "
             "draw a corner as an outline"
         )
     # 1.001: a polygon of many pieces lies inside its bend
     if radius * 1.001 < LEAST_BEND:
-        raise checks.InputError(
+        raise InputError(
             f"{what}: its bends have a radius of {radius:g} m, below {LEAST_BEND:g} m; a line must turn slowly",
             'a ring that small is a CrossSection of kind "ring"',
         )

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from .. import checks
 from ..arrays import Array, ArrayLike
+from ..checks import InputError
 from ..data import quantity
 
 TABLE_MARGIN = 20.0  # K beyond its ends, for which a table is taken to hold
@@ -151,9 +152,9 @@ class Table:
         T = checks.array("temperature", self.temperatures)
         values = checks.array("values", self.values)
         checks.shape("values", values, T.shape)
-        increasing = T.size > 1 and T[0] >= COLDEST and np.all(np.diff(T) > 0)
-        if not increasing or np.any(values <= 0):
-            raise checks.InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
+        increasing = T.size > 1 and T[0] >= COLDEST and (np.diff(T) > 0).all()
+        if not increasing or (values <= 0).any():
+            raise InputError("a table needs two or more increasing temperatures above 1 K, and positive values")
         object.__setattr__(self, "temperatures", tuple(map(float, T)))
         object.__setattr__(self, "values", tuple(map(float, values)))
         checks.between("reference", self.reference, 1, 3000, unit="K")
@@ -218,7 +219,7 @@ def check_positive(law: Law, T: ArrayLike, factor: Array) -> None:
     """Raise InputError where f(T) is not positive; it names the law and the temperature."""
     if (lowest := factor.min(initial=np.inf)) <= 0:
         at = float(np.ravel(T)[np.argmin(factor)])
-        raise checks.InputError(
+        raise InputError(
             f"the law {law} is {lowest:.3g} at {at:.5g} K; no material property is zero or negative",
             "take a law that is positive at every temperature reached, or less power",
         )
@@ -290,12 +291,10 @@ class IndexTable:
     def __post_init__(self) -> None:
         L = checks.array("wavelength", self.wavelengths)
         n = checks.array("values", self.values)
-        increasing = L.size >= 4 and np.all(np.diff(L) > 0)
+        increasing = L.size >= 4 and (np.diff(L) > 0).all()
         possible = n.size == L.size and n.min() >= 1 and n.max() <= LARGEST_INDEX
         if not increasing or not possible:
-            raise checks.InputError(
-                "an index table needs four or more increasing wavelengths, and an index >= 1 for each"
-            )
+            raise InputError("an index table needs four or more increasing wavelengths, and an index >= 1 for each")
 
     @cached_property
     def _curve(self) -> Any:
@@ -369,7 +368,7 @@ def read_index(given: Any, where: str) -> IndexLaw:
         wavelengths = tuple(quantity.parse(L, "m", name=f"{where}: wavelength") for L in given["wavelength"])
         values = tuple(checks.finite(f"{where}: values", n) for n in given["values"])
         return IndexTable(wavelengths, values)
-    raise checks.InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
+    raise InputError(f"{where}: index needs sellmeier (and constant), or wavelength and values")
 
 
 def _term(pair: Any, where: str) -> tuple[float, float]:

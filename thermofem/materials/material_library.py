@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import checks
+from ..checks import InputError
 from ..data import quantity
 from .material_laws import CONSTANT, INDEX_LAWS, IndexLaw, Law, Polynomial, PowerLaw, Table, is_constant
 
@@ -82,7 +83,7 @@ class Material:
         of = f"material {checks.text('name', self.name)!r}: "
         if self.name == VOID:
             if (self.conductivity, self.density, self.specific_heat) != (0, 0, 0):
-                raise checks.InputError(f"{of}void is not a material, it cannot have properties; take another name")
+                raise InputError(f"{of}void is not a material, it cannot have properties; take another name")
             return
         checks.between(f"{of}conductivity", self.conductivity, 1e-4, 1e4, unit="W/m/K", hint="silicon has 130 W/m/K")
         checks.between(f"{of}density", self.density, 1e-2, 3e4, unit="kg/m^3", hint="silicon has 2330 kg/m^3")
@@ -299,7 +300,7 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
             (value is None and not isinstance(law, Table), f'{name} is missing; add {name} = "..."'),
         ):
             if broken:
-                raise checks.InputError(rule)
+                raise InputError(rule)
     if isinstance(law, Table):
         value = _of_table(law, value, unit, f"{of}: {'r' if 'r' in given else 'value'}")
     values = {key: value, f"{key}_law": law}
@@ -317,7 +318,7 @@ def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
         return value
     beside = quantity.write(value, unit)
     there = quantity.rounded(of_table, unit, 6)
-    raise checks.InputError(f"{name} = {beside}, but the table has {there} at {law.reference:g} K; leave it out")
+    raise InputError(f"{name} = {beside}, but the table has {there} at {law.reference:g} K; leave it out")
 
 
 def with_value(key: str, given: dict[str, Any], text: str) -> dict[str, Any]:
@@ -349,7 +350,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
     if kinds <= {"exponent"}:
         law = PowerLaw(given.get("exponent", 0.0), **reference)
         return law if kinds else CONSTANT
-    raise checks.InputError(
+    raise InputError(
         f"{of}: give exponent, or polynomial, or temperature with values (given: {', '.join(sorted(kinds))})"
     )
 

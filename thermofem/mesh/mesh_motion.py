@@ -362,7 +362,7 @@ class CornerMotion:
 
 
 def vertex_velocities(
-    geometry: CrossSection, mesh: Mesh, changes: Sequence[Change], *, roles: Collection[str] = ()
+    geometry: CrossSection, mesh: Mesh, changes: Sequence[Change], *, roles: Collection[str]
 ) -> Array:
     """Velocity of every vertex for every parameter, in m per unit; shape (parameters, vertices, 2).
 

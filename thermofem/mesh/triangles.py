@@ -13,6 +13,7 @@ import skfem
 
 from .. import checks
 from ..arrays import Array, Indices, NDArray
+from ..checks import InputError
 from ..data import files
 
 WIDE = 0.1  # m, the largest length of a geometry file
@@ -52,13 +53,11 @@ class Mesh:
         triangles = np.asarray(self.triangles)
         region = np.asarray(self.region)
         if points.shape[1:] != (2,) or triangles.shape[1:] != (3,) or not len(triangles):
-            raise checks.InputError(
-                f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh"
-            )
+            raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
         innermost = points[:, 0].min()
         round_off = 1e-12 * np.abs(points).max()  # of gmsh on the axis
         if self.depth is None and innermost < -round_off:
-            raise checks.InputError(f"r = {innermost:g} m of the mesh lies beyond the axis; r counts from the axis on")
+            raise InputError(f"r = {innermost:g} m of the mesh lies beyond the axis; r counts from the axis on")
         checks.shape("region", region, (len(triangles),))
         corners = points[triangles]
         sides = np.roll(corners, -1, axis=1) - corners
@@ -66,9 +65,7 @@ class Mesh:
         area = signed_areas(points, triangles)
         flat = 2 * np.abs(area) <= FLAT * longest
         if flat.any():
-            raise checks.InputError(
-                f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)"
-            )
+            raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
         triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
         checked = {"region_names": names, "points": points, "triangles": triangles, "region": region}
         for name, value in checked.items():
@@ -154,7 +151,7 @@ def sampled(basis: Any, points: Array, weights: Array, mesh: Any = None) -> Arra
     cells, local = locate(basis.mesh if mesh is None else mesh, points)
     if cells.min() < 0:
         r, z = points[cells.argmin()]
-        raise checks.InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
+        raise InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
     functions = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
     values = weights * functions
     unknowns = basis.element_dofs[:, cells]
@@ -178,7 +175,7 @@ def load(path: str | Path) -> Mesh:
     content = files.read_bytes(path, "mesh", most=100_000_000)
     with checks.prefixed(f"mesh file {str(path)!r} cannot be read", Exception):  # of any kind, where bytes are damaged
         if _COUNT.search(content):
-            raise checks.InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
+            raise InputError("it holds a count or number of a point beyond 1e8; that many do not fit into it")
         mesh = _read(path)
     span = float(np.ptp(mesh.points, axis=0).max())
     if span > WIDE:
@@ -195,7 +192,7 @@ def _read(path: str | Path) -> Mesh:
     content = meshio.gmsh.read(path)
     others = {block.type for block in content.cells} - {"vertex", "line", "triangle"}
     if others:
-        raise checks.InputError(
+        raise InputError(
             f"it holds elements of type {min(others)!r}, which are no triangles of three corners",
             "mesh with triangles of first order, without quadrangles (no Recombine) and volumes",
         )
@@ -204,14 +201,14 @@ def _read(path: str | Path) -> Mesh:
     tags = groups.get("triangle", np.zeros(len(corners), dtype=int))
     names = {int(tag): name for name, (tag, dimension) in content.field_data.items() if dimension == 2}
     if not len(corners) or corners.min() < 0:
-        raise checks.InputError("it has no triangles, or one with a corner that is none of its points")
+        raise InputError("it has no triangles, or one with a corner that is none of its points")
     used = np.unique(tags).tolist()
     unnamed = set(used) - set(names)
     if unnamed:
-        raise checks.InputError(f"the physical groups {sorted(unnamed)} have no names")
+        raise InputError(f"the physical groups {sorted(unnamed)} have no names")
     points = content.points
     if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
-        raise checks.InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
+        raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
     _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
     joined = first[place.ravel()][corners]
     vertices, triangles = np.unique(joined, return_inverse=True)
@@ -223,5 +220,5 @@ def _read(path: str | Path) -> Mesh:
     span = np.ptp(mesh.points, axis=0).max()
     if not shapely.coverage_is_valid(shapes, gap_width=MESH_ROUND_OFF * span):
         rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
-        raise checks.InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
+        raise InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
     return mesh

@@ -35,7 +35,7 @@ from ..arrays import Array, ArrayLike, Complex
 def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
     """Call ``run`` with sorted times and return its values in the order and shape of ``times``."""
     t = checks.numbers("times", times)
-    if t.ndim == 1 and not np.any(np.diff(t) < 0):
+    if t.ndim == 1 and not (np.diff(t) < 0).any():
         return run(t)
     order = np.argsort(t, axis=None, kind="stable")
     found = np.empty(t.size)

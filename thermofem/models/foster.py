@@ -15,6 +15,7 @@ import numpy as np
 from .. import checks, waveforms
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, Complex, in_pieces
+from ..checks import InputError
 from ..data.display import model_html
 from .contract import AtSmallPower, at_times, check_rise, columns, keep_names, names, parts, reader, rows, warn_beyond
 
@@ -141,7 +142,7 @@ class Foster:
         if self.inputs == self.outputs:
             check_residues(self.R)
         if not (self.R > 0).any():
-            raise checks.InputError("every R is zero: the model never warms up")
+            raise InputError("every R is zero: the model never warms up")
 
 
 def check_residues(R: Array, *, round_off: float = 0.0) -> None:
@@ -150,7 +151,7 @@ def check_residues(R: Array, *, round_off: float = 0.0) -> None:
     round_off: fraction of sum |R| by which one may be negative.
     """
     if R.min() < -round_off * np.abs(R).sum():
-        raise checks.InputError(
+        raise InputError(
             f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"
         )
 
@@ -165,7 +166,7 @@ def linear_poles(model: Any, purpose: str) -> Foster:
     """Return the poles of a linear model as a Foster network; for other models an InputError that names ``purpose``."""
     small = two_kinds(model)
     if small.bent:
-        raise checks.InputError(
+        raise InputError(
             f"model is a {type(model).__name__} and not linear; only a linear model {purpose}: Foster, StateSpace, "
             "Network or Cauer, a fit or a reduction"
         )
@@ -249,7 +250,7 @@ def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, hea
     return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
 
 
-def second_order_parameters(model: Foster, heat_capacity: float) -> dict[str, float]:
+def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) -> dict[str, float]:
     """The parameters of Eq. 3 of a network with two poles, the inverse of `second_order_poles`.
 
         kappa = c_f/tau_s + c_s/tau_f,     eta = c_f + c_s,     c_i = m c_p R_i/tau_i
@@ -362,10 +363,10 @@ class OutputMap(AtSmallPower):
     def of(self, z: ArrayLike) -> Array:
         """Temperature rise dT in K for the rise z in K of the linear model."""
         z = checks.numbers("z", z)
-        if np.any(1 + 2 * self.coefficient * z <= 0):
+        if (1 + 2 * self.coefficient * z <= 0).any():
             top = -0.5 / self.coefficient
             largest = z.flat[np.argmax(np.abs(z))]
-            raise checks.InputError(
+            raise InputError(
                 f"a linear rise of {largest:.4g} K lies beyond the top of the output map at "
                 f"{top:.4g} K; the power is far beyond what the coefficient describes"
             )

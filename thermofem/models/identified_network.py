@@ -115,9 +115,9 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     static = checks.positive("static", static, unit="K/W")
     checks.shape("A", A, (b.size, b.size))
     rate, modes = np.linalg.eig(A)
-    oscillates = np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate))
+    oscillates = (np.abs(rate.imag) > 1e-9 * np.abs(rate)).any()
     with checks.prefixed("the identified network is refused"):
-        if oscillates or np.any(rate.real >= 0):
+        if oscillates or (rate.real >= 0).any():
             raise checks.InputError(f"it oscillates or is not stable, with the poles {rate} 1/s")
         tau = -1.0 / rate.real
         weights = np.linalg.solve(modes, b)

@@ -20,6 +20,7 @@ from scipy.linalg import expm
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, Complex, in_pieces
+from ..checks import InputError
 from ..data.display import model_html
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.nonlinear import NonlinearEquations, factorize_general
@@ -191,7 +192,7 @@ class Quadratic:
                 if size <= 1e-12 * np.abs(x).max() + _TINY:
                     break
             else:
-                raise checks.InputError(f"power = {power:g} W: the quadratic model has no steady state there")
+                raise InputError(f"power = {power:g} W: the quadratic model has no steady state there")
         return x
 
     def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
@@ -231,9 +232,7 @@ class Quadratic:
             x = x + change
             if np.abs(change * self.C).sum() <= 1e-6 * scale:
                 return track + change  # a correction this small has no shape left
-        raise checks.InputError(
-            f"no periodic state found in {PERIOD_PASSES} passes; is the power beyond the model's range?"
-        )
+        raise InputError(f"no periodic state found in {PERIOD_PASSES} passes; is the power beyond the model's range?")
 
     def _size(self, power: float) -> Array:
         """Size of every state at a constant power, first plus second order, shape (n,), which scales the tolerances."""
@@ -286,7 +285,7 @@ class Quadratic:
             except ODEintWarning:
                 track = np.full((1, 1), np.nan)
         if not np.isfinite(track).all():
-            raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
+            raise InputError("the quadratic model runs away: the power is far beyond the range it describes")
         return track[where[: times.size]]
 
     def to_json(self) -> dict[str, Any]:
@@ -325,7 +324,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
 
         Raises InputError: always.
         """
-        raise checks.InputError(
+        raise InputError(
             f"model is the FEM with k(T), {self.order} states; reduce it first (surrogate.reduce_quadratic), or keep "
             "it in the loop (coupled.cosimulate)"
         )
@@ -371,7 +370,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
                 self.flow.slopes(x, positive=True)
                 return x
             last = size
-        raise checks.InputError(
+        raise InputError(
             f"power = {power} W: no steady state is found; does the conductivity fall so "
             "fast with temperature that the heat cannot leave?"
         )

@@ -16,6 +16,7 @@ from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL
 from ..arrays import Array, ArrayLike, Complex
+from ..checks import InputError
 from ..data.display import model_html
 from ..geometry.section_parts import AMBIENT
 from ..transient.integration import integrate, integrate_periodic
@@ -130,7 +131,7 @@ class StateSpace:
         Raises InputError: more than 500 states, several channels, or a system that is not one of heat flow.
         """
         if self.order > MOST_STATES:
-            raise checks.InputError(
+            raise InputError(
                 f"model is a system of {self.order} states, at most {MOST_STATES} can be integrated with the optics; "
                 "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
             )
@@ -152,7 +153,7 @@ class StateSpace:
             matrices = {"E": self._sparse("E"), "-A": -self._sparse("A")}
             for name, matrix in matrices.items():
                 if not _definite(matrix.toarray()):
-                    raise checks.InputError(f"{name} is not positive definite: some mode would not decay", REFUSAL)
+                    raise InputError(f"{name} is not positive definite: some mode would not decay", REFUSAL)
 
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K/W after a unit step, see `response`; zero before t = 0."""
@@ -211,7 +212,7 @@ class StateSpace:
         if self.order > MOST_STATES:
             diagonal = all(full[name].nnz == np.count_nonzero(full[name].diagonal()) for name in ("E", "A"))
             if not diagonal or self.order > SAVED:
-                raise checks.InputError(
+                raise InputError(
                     f"a StateSpace of {self.order} states is too large for a file, which takes {MOST_STATES}, or "
                     f"{SAVED} with diagonal E and A, as of arrays",
                     "reduce finite elements (surrogate.reduce); of an array take fewer rings or a larger tolerance",
@@ -273,7 +274,7 @@ def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
 def _definite(matrix: Array) -> bool:
     """Whether a symmetric matrix is positive semidefinite, up to 1e-9 after scaling its diagonal to 1."""
     diagonal = np.diagonal(matrix)
-    if np.any(diagonal <= 0):
+    if (diagonal <= 0).any():
         return False
     length = np.sqrt(diagonal)
     scaled = matrix / length / length[:, None]
@@ -313,6 +314,6 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
     try:
         rate, modes = eigh(-A, E)
     except LinAlgError:
-        raise checks.InputError("E is not positive definite; every heat capacity must be positive") from None
+        raise InputError("E is not positive definite; every heat capacity must be positive") from None
     checks.positive("rate of the slowest pole", rate[0], unit="1/s", hint="every pole must decay: is a boundary held?")
     return rate, modes

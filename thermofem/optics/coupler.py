@@ -35,11 +35,9 @@ if TYPE_CHECKING:
 
 WIDER = np.array([0.0, 0.1, 0.25])  # um, added to the gap: where the supermodes are solved
 TRUSTED = 0.2  # relative error of kappa^2
+MOST_COUPLING = 0.5  # of kappa^2: beyond it the rate equations do not hold
 SMALLEST, LARGEST = 2e-8, 3e-6  # m, of half a gap at the foot of the walls, and of a gap
 STEP = 1e-30  # of complex differences, which have no round-off
-SIZES = 2e-3  # the mesh is as fine as one for heat of this relative accuracy
-BEND_POINTS = 801  # of the integral along the bend
-MOST = 0.5  # of kappa^2: beyond it the rate equations do not hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,32 +103,32 @@ class Coupling:
         (variation,) = variations(light, [f"part.{outer.name}.{key}"])
         return self.derivative(variation) / self.power
 
-    def derivative(self, one: Variation, bus: str = "") -> float:
+    def derivative(self, variation: Variation, bus: str = "") -> float:
         """Derivative of kappa^2 with respect to a parameter of the section; the gap stays fixed where the guide moves.
 
         bus: name of the [[bus]], whose gap and straight section the parameter may be.
         """
-        gap = one.change.optical.get((bus, "gap"), 0.0)
-        straight = one.change.optical.get((bus, "straight"), 0.0)
+        gap = variation.change.optical.get((bus, "gap"), 0.0)
+        straight = variation.change.optical.get((bus, "straight"), 0.0)
         outer = self.mode.light.surroundings.outermost[1]
         wall = 0.0
-        if outer.name in one.change.outlines:
-            corners = one.change.outlines[outer.name]
-            wall = float(corners[1:3, 0].mean()) - one.centre
+        if outer.name in variation.change.outlines:
+            corners = variation.change.outlines[outer.name]
+            wall = float(corners[1:3, 0].mean()) - variation.centre
         middle = wall + gap / 2  # the middle of the gap follows the wall
-        velocity = one.on(self.window)
+        velocity = variation.on(self.window)
         velocity[0] += (middle - velocity[0]) * self.beyond
         splits = []
         for even, odd in self.supermodes:
-            even_slope = index_slope(even, one, velocity)
-            odd_slope = index_slope(odd, one, velocity)
+            even_slope = index_slope(even, variation, velocity)
+            odd_slope = index_slope(odd, variation, velocity)
             splits.append(even_slope - odd_slope)
         slopes: dict[str, Any] = {
             "splits": np.array(splits),
-            "n_eff": index_slope(self.mode, one, one.on(self.mode.window)),
-            "wavelength": one.wavelength,
+            "n_eff": index_slope(self.mode, variation, variation.on(self.mode.window)),
+            "wavelength": variation.wavelength,
             "straight": straight,
-            "bend": one.centre - straight / math.pi,
+            "bend": variation.centre - straight / math.pi,
         }
         arguments = {name: value + 1j * STEP * slopes[name] for name, value in self._at.items()}
         moved = _phase(**arguments)
@@ -157,14 +155,14 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
     low, _, bottom, top = light.box(inward, 0.0, below, above)
     left = max(low, light.centre - foot / UM - inward)
     right = light.centre + middle / UM
-    window = drawn(light.geometry, (left, right, bottom, top), light.centre, SIZES)
+    window = drawn(light.geometry, (left, right, bottom, top), light.centre, accuracy=2e-3)
     outside = window.mesh.p[0] - foot
     beyond = np.clip(outside / (middle - foot), 0, 1)
     coupler = supermodes(mode, gap, straight, bend, window, beyond)
     if coupler.phase > math.pi / 4:
         raise checks.InputError(
             f"gap = {gap * 1e9:g} nm couples {coupler.power:.2f} of the power in one pass (phase {coupler.phase:.2f}); "
-            f"above {MOST} a ring is no resonator of slow rates",
+            f"above {MOST_COUPLING} a ring is no resonator of slow rates",
             "take a wider gap or a shorter straight section",
         )
     return coupler
@@ -235,7 +233,7 @@ def _phase(*, splits: Array, n_eff: Any, wavelength: Any, straight: Any, bend: A
         return on_line
     R = bend * UM
     end = min(0.7 * R, 4 * R**0.5, key=lambda length: length.real)
-    z = np.linspace(0, 1, BEND_POINTS) * end
+    z = np.linspace(0, 1, 801) * end
     wider = R - np.sqrt(R**2 - z**2)
     inside = np.where(wider.real < last, wider, last)
     beyond = wider - inside

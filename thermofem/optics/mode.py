@@ -42,13 +42,12 @@ if TYPE_CHECKING:
 DEPTH = 1.5e-6  # m, of the matched layers where there is room
 LEAST_DISTANCE = 1.2e-6  # m, at least, between the core and the layers
 WIDEST = 12e-6  # m, at most, between the core and the layers at its sides
-INTO = 0.5e-6  # m, of a substrate before its matched layer begins
 LEAKS = 1e-9  # of the power: where so much of the mode reaches a substrate its leak is computed
 HYBRID = 0.3  # of TE or TM: a mode with more of both is hybrid
 FELT = 1e-3  # of the energy: a material with less of it need not have dn/dT
 LARGEST_Q = 1e11  # round-off of Im beta is about 1e-13 of beta
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
-LEAST = 1e5  # 1/s; a ring with a smaller radiation rate counts as one that does not radiate
+LEAST_RATE = 1e5  # 1/s; a ring with a smaller radiation rate counts as one that does not radiate
 DECIBEL = 20 / math.log(10)  # per neper of the field
 
 
@@ -177,8 +176,7 @@ class Mode:
     @property
     def core_material(self) -> str:
         """Names of the materials of `guiding`, that of the core first."""
-        materials = dict(zip(self.window.names, self.window.materials, strict=True))
-        names = [materials[region].name for region in (self.core, *self.guiding)]
+        names = [self.window.regions[region].name for region in (self.core, *self.guiding)]
         return " and ".join(dict.fromkeys(names))
 
     @property
@@ -199,8 +197,7 @@ class Mode:
         x = mesh.p[0][mesh.t].mean(axis=0)
         walls = (self.light.outline[:, 0] - self.light.centre) * UM
         column = (x > walls.min()) & (x < walls.max())
-        inside = self.integral(self._energy * column[:, None], *self.guiding)
-        return inside / self.integral(self._energy)
+        return self._share_of(self._energy * column[:, None], *self.guiding)
 
     @cached_property
     def held(self) -> float:
@@ -219,7 +216,11 @@ class Mode:
         x, y = self.space.points / UM
         between = (x > left - light.centre) & (x < right - light.centre)
         inside = between & (y > bottom) & (y < top)
-        return self.integral(self._energy * inside) / self.integral(self._energy)
+        return self._share_of(self._energy * inside)
+
+    def _share_of(self, energy: Array, *within: str) -> float:
+        """Integral of a part of n^2 |E|^2 over all of it."""
+        return self.integral(energy, *within) / self.integral(self._energy)
 
     @cached_property
     def confinement(self) -> dict[str, float]:
@@ -244,11 +245,8 @@ class Mode:
     @property
     def lacking_in_core(self) -> tuple[str, ...]:
         """Materials of what guides without dn/dT."""
-        lacking = set()
-        for region, material in zip(self.window.names, self.window.materials, strict=True):
-            if region in self.guiding and material.thermo_optic is None:
-                lacking.add(material.name)
-        return tuple(sorted(lacking))
+        materials = [self.window.regions[region] for region in self.guiding]
+        return tuple(sorted({material.name for material in materials if material.thermo_optic is None}))
 
     @cached_property
     def _thermal_density(self) -> Array:
@@ -406,14 +404,14 @@ class Mode:
             rule = f"the bend of {self.radius * UM:g} um radiates: Q = {self.q_radiation:.3g}"
             raise checks.InputError(rule, "take a larger radius or a wider core")
         rate = math.pi * c / self.wavelength / self.q_radiation
-        return rate if rate > LEAST else 0.0
+        return rate if rate > LEAST_RATE else 0.0
 
     @property
     def leak_rate(self) -> float:
-        """Amplitude rate leak v_g/2 in 1/s of `substrate_loss`; 0 where it is below `LEAST`."""
+        """Amplitude rate leak v_g/2 in 1/s of `substrate_loss`; 0 where it is below `LEAST_RATE`."""
         alpha = self.substrate_loss * 100 / DECIBEL * 2  # 1/m, of the power
         rate = alpha * c / self.n_g / 2
-        return rate if rate > LEAST else 0.0
+        return rate if rate > LEAST_RATE else 0.0
 
     def tunnelling(self, cladding: float) -> float:
         """Exponent (2/3) R gamma^3/beta^2 of a bend's tunnelling, gamma = k0 (n_eff^2 - cladding^2)^(1/2); 0 if leaky.
@@ -435,12 +433,8 @@ class Mode:
         left, right, below, above = self.light.surroundings.reaches(self.n_eff, TAIL)
         left = min(left, WIDEST)
         right = min(right, WIDEST)
-        return (
-            max(LEAST_DISTANCE, left),
-            max(LEAST_DISTANCE, right),
-            max(LEAST_DISTANCE, below),
-            max(LEAST_DISTANCE, above),
-        )
+        left, right, below, above = np.maximum(LEAST_DISTANCE, (left, right, below, above)).tolist()
+        return left, right, below, above
 
     @cached_property
     def _bulk(self) -> dict[str, tuple[str, float]]:
@@ -487,11 +481,12 @@ class Mode:
         ends = [box[2], box[3]]
         depths = [DEPTH, DEPTH, 0.0, 0.0]
         for side, away in self._bulk.values():
+            end = away + 0.5e-6 + DEPTH  # m: the matched layer begins so far inside the substrate
             if side == "bottom":
-                ends[0] = foot - away - INTO - DEPTH
+                ends[0] = foot - end
                 depths[2] = DEPTH
             else:
-                ends[1] = top + away + INTO + DEPTH
+                ends[1] = top + end
                 depths[3] = DEPTH
         bottom = max(ends[0], light.geometry.bottom_z)
         roof = min(ends[1], light.geometry.top_z) if depths[3] else ends[1]

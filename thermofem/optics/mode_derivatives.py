@@ -56,14 +56,12 @@ ABOUT = {
 
 def numbers(mode: Mode, *, dispersion: bool = False, spread_carriers: bool = False) -> dict[str, float]:
     """Numbers of a ring from its mode, by the names in `ABOUT` but the resonance; rules as of `Mode.volume`."""
-    two = {"dispersion": dispersion}
-    three = {"spread_carriers": spread_carriers}
-    values = (
-        mode.n_eff, mode.n_g, mode.thermo_optic, mode.index_confinement, mode.core_fraction(2),
-        mode.core_fraction(3, **three), mode.volume(2, **two), mode.volume(3, **two, **three), mode.radius,
-        mode.wavelength, mode.index,
-    )  # fmt: skip
-    return dict(zip(ABOUT, values, strict=False))
+    same_names = ("n_eff", "n_g", "thermo_optic", "index_confinement", "radius", "wavelength", "index")
+    values = {name: getattr(mode, name) for name in same_names}
+    for power in (2, 3):
+        values[f"core_fraction_{power}"] = mode.core_fraction(power, spread_carriers=spread_carriers)
+        values[f"volume_{power}"] = mode.volume(power, dispersion=dispersion, spread_carriers=spread_carriers)
+    return values
 
 
 def mode_derivatives(mode: Mode, parameters: Sequence[str | Sequence[str]], **rules: bool) -> xr.Dataset:
@@ -124,12 +122,12 @@ class Variation:
         inner, outer = self.light.surroundings.outermost
         at_rest = np.zeros((4, 2))
         outer_corners = self.change.outlines.get(outer.name, at_rest)
-        inner_corners = self.change.outlines.get(inner.name, at_rest)
-        outer_wall = outer_corners[1:3, 0].mean()
-        inner_wall = inner_corners[[0, 3], 0].mean()
+        outer_wall = float(outer_corners[1:3, 0].mean())
         if self.light.at_edge:
-            return float(outer_wall)
-        return float((inner_wall + outer_wall) / 2)
+            return outer_wall
+        inner_corners = self.change.outlines.get(inner.name, at_rest)
+        inner_wall = float(inner_corners[[0, 3], 0].mean())
+        return (inner_wall + outer_wall) / 2
 
     def on(self, window: Window) -> Array:
         """Velocity of a window's vertices relative to its origin, m per unit, (2, vertices); air does not move."""
@@ -206,8 +204,7 @@ def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[
 def _variations(light: Light, changes: Sequence[Change]) -> list[Variation]:
     roles = (*light.geometry.heated, light.part)
     velocities = vertex_velocities(light.geometry, light.mesh, changes, roles=roles)
-    pairs = zip(changes, velocities, strict=True)
-    return [Variation(light, change, velocity.T) for change, velocity in pairs]
+    return [Variation(light, change, velocity.T) for change, velocity in zip(changes, velocities, strict=True)]
 
 
 def _pull(mode: Mode, h: float, ends: tuple[Mode, Mode]) -> tuple[float, Array]:
@@ -221,16 +218,16 @@ def _pull(mode: Mode, h: float, ends: tuple[Mode, Mode]) -> tuple[float, Array]:
     return -float(mode.x @ pull), pull
 
 
-def index_slope(mode: Mode, one: Variation, velocity: Array) -> float:
+def index_slope(mode: Mode, variation: Variation, velocity: Array) -> float:
     """dn_eff per unit of a parameter, without a solve; ``velocity`` of the mode's window is that of `Variation.on`."""
-    slope, _ = _pull(mode, *one.ends(mode, velocity))
-    relative = one.wavelength / mode.wavelength + slope / (2 * mode.square)
+    slope, _ = _pull(mode, *variation.ends(mode, velocity))
+    relative = variation.wavelength / mode.wavelength + slope / (2 * mode.square)
     return relative * mode.n_eff
 
 
-def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
+def varied(mode: Mode, variation: Variation) -> tuple[float, Mode, Mode]:
     """Step h of the parameter, and the mode at +h and -h to first order; the mode itself where nothing changes."""
-    h, ends = one.ends(mode, one.on(mode.window))
+    h, ends = variation.ends(mode, variation.on(mode.window))
     if mode in ends:
         return h, *ends
     slope, pull = _pull(mode, h, ends)
@@ -246,16 +243,16 @@ def varied(mode: Mode, one: Variation) -> tuple[float, Mode, Mode]:
     return h, along(ends[0], h), along(ends[1], -h)
 
 
-def slopes(mode: Mode, one: Variation, **rules: bool) -> dict[str, float]:
-    """Derivatives of the `numbers` of a mode and of its resonance with respect to one parameter."""
-    h, ahead, behind = varied(mode, one)
+def slopes(mode: Mode, variation: Variation, **rules: bool) -> dict[str, float]:
+    """Derivatives of the `numbers` of a mode and of its resonance with respect to variation parameter."""
+    h, ahead, behind = varied(mode, variation)
     before = numbers(behind, **rules)
     after = numbers(ahead, **rules)
     row = {name: (value - before[name]) / (2 * h) for name, value in after.items()}
-    stretch = 2 * math.pi * one.centre / mode.light.geometry.path_length(mode.radius)
+    stretch = 2 * math.pi * variation.centre / mode.light.geometry.path_length(mode.radius)
     longer = row["n_eff"] + mode.n_eff * stretch
-    row["radius"] = one.centre
-    row["resonance_wavelength"] = 0.0 if one.wavelength else mode.wavelength * longer / mode.n_g
+    row["radius"] = variation.centre
+    row["resonance_wavelength"] = 0.0 if variation.wavelength else mode.wavelength * longer / mode.n_g
     return row
 
 

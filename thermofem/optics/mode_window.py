@@ -60,10 +60,14 @@ class Window:
         materials = tuple(material_of(geometry, name) for name in names)
         return cls(grid, region.ravel(), names, materials, geometry.ambient)
 
+    @property
+    def regions(self) -> dict[str, Material]:
+        """Material of every region by name."""
+        return dict(zip(self.names, self.materials, strict=True))
+
     def inside(self, *names: str) -> Mask:
         """Which triangles belong to regions, or to materials, of these names; shape (triangles, 1)."""
-        pairs = zip(self.names, self.materials, strict=True)
-        inside = np.array([region in names or material.name in names for region, material in pairs])
+        inside = np.array([bool({region, m.name}.intersection(names)) for region, m in self.regions.items()])
         return inside[self.region, None]
 
     def of_materials(self, value: Callable[[Material], float]) -> Array:
@@ -73,8 +77,7 @@ class Window:
 
     def indices(self, wavelength: float) -> tuple[Array, Array]:
         """eps = n^2 and n n_gm = n (n - lambda dn/dlambda) of every triangle, shape (triangles, 1)."""
-        pairs = zip(self.names, self.materials, strict=True)
-        of_regions = np.array([index_of(m, wavelength, name, self.ambient) for name, m in pairs])
+        of_regions = np.array([index_of(m, wavelength, name, self.ambient) for name, m in self.regions.items()])
         n = of_regions[self.region, None]
         n_g = self.of_materials(lambda m: group_index_of(m, wavelength, self.ambient))
         return n**2, n * n_g

@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
+from ..checks import InputError
 from .mode import Mode
 from .mode_elements import Space
 from .mode_window import UM, Box, Window, material_of, window
@@ -64,7 +65,7 @@ class Light:
             wavelength = wavelength or geometry.light.wavelength
             part = part or geometry.light.part
         if wavelength is None:
-            raise checks.InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
+            raise InputError("wavelength is missing; give it, or [light] with wavelength in the geometry")
         hint = "wavelengths are in m (did you mean 1.55e-6?)"
         wavelength = checks.between("wavelength", wavelength, 1e-7, 1e-4, unit="m", hint=hint)
         default = "core" if "core" in parts else geometry.heated[0]
@@ -210,7 +211,7 @@ class Light:
         if not modes:
             floor = self.surroundings.lowest
             ceiling = self.surroundings.ceiling
-            raise checks.InputError(
+            raise InputError(
                 f"{self.geometry.name!r} guides no mode in {self.part!r} at {self.wavelength * 1e9:g} nm: none has an "
                 f"index between {floor:.4g} around it and {ceiling:.4g} of its layers",
                 "a core needs a larger index than what is around it, and enough width and height",
@@ -243,10 +244,10 @@ class Light:
         name = name or default
         if name not in self.names:
             rule = f"{self.geometry.name!r} guides no mode {name!r} in {self.part!r} at {self.wavelength * 1e9:g} nm"
-            raise checks.InputError(rule, f"it guides {', '.join(self.names)}")
+            raise InputError(rule, f"it guides {', '.join(self.names)}")
         mode = self._solved(name)
         if not self._stays(mode):
-            raise checks.InputError(
+            raise InputError(
                 f"{name} leaves the core at the radius {self.radius * UM:g} um: {mode.share:.0%} of its energy is left "
                 f"there, {self._straight[name].share:.0%} without the bend",
                 "take a larger radius, or a wider core",
@@ -300,7 +301,7 @@ class Light:
             material = material_of(self.geometry, name)
             reach = self.surroundings.reach(side, mode.n_eff, REACHES)
             if material.index is None and away < reach:
-                raise checks.InputError(
+                raise InputError(
                     f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
                     f"{mode.name}, and has no refractive index",
                     f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",

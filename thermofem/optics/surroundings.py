@@ -70,18 +70,18 @@ class Surroundings:
         """Refractive index of every region; None of a metal."""
         indices: dict[str, float | None] = {}
         for region in (*self.geometry.region_names, AIR):
-            material = material_of(self.geometry, region)
-            if material.index is None:
-                indices[region] = None
-            else:
-                indices[region] = index_of(material, self.wavelength, region, self.geometry.ambient)
+            metal = material_of(self.geometry, region).index is None
+            indices[region] = None if metal else self.index(region)
         return indices
 
     @cached_property
     def core_index(self) -> float:
         """Refractive index of the part."""
-        material = self.geometry.material_of(self.part.name)
-        return index_of(material, self.wavelength, self.part.name, self.geometry.ambient)
+        return self.index(self.part.name)
+
+    def index(self, region: str) -> float:
+        """Refractive index of a region; InputError where it has none."""
+        return index_of(material_of(self.geometry, region), self.wavelength, region, self.geometry.ambient)
 
     def column(self, r: float) -> list[Step]:
         """What lies at r or x in m, from below (the lowest layer goes on) to above (air)."""
@@ -192,10 +192,7 @@ class Surroundings:
     @property
     def floor(self) -> float:
         """The larger index of the two media in which the column through the core ends."""
-        below, above = self._ends
-        bottom = below[-1].n or 1.0
-        top = above[-1].n or 1.0
-        return max(bottom, top)
+        return max(steps[-1].n or 1.0 for steps in self._ends)
 
     @cached_property
     def ceiling(self) -> float:
@@ -248,12 +245,11 @@ class Surroundings:
 
     def _columns(self, side: str, span: tuple[float, float]) -> list[tuple[float, float]]:
         """Widths in m and n_s of the columns from the outline outwards, between two heights."""
-        if side == "right":
-            start = float(self.outline[:, 0].max())
-            end = self.geometry.outer_radius
-        else:
+        start = float(self.outline[:, 0].max())
+        end = self.geometry.outer_radius
+        if side == "left":
             start = float(self.outline[:, 0].min())
-            end = 0.0 if self.geometry.kind == "ring" else -self.geometry.outer_radius
+            end = 0.0 if self.geometry.kind == "ring" else -end
         low, high = sorted((start, end))
         inside = [x for x in self.walls if low < x < high]
         ticks = sorted({start, *inside, end}, reverse=side == "left")
@@ -342,8 +338,8 @@ class Surroundings:
 
     def reaches(self, n_eff: float, tail: float) -> tuple[float, float, float, float]:
         """`reach` on the `SIDES`."""
-        sideways = self.reach("left", n_eff, tail), self.reach("right", n_eff, tail)
-        return *sideways, self.reach("bottom", n_eff, tail), self.reach("top", n_eff, tail)
+        left, right, bottom, top = [self.reach(side, n_eff, tail) for side in SIDES]
+        return left, right, bottom, top
 
     @cached_property
     def limits(self) -> tuple[Box, dict[str, tuple[str, float]]]:
@@ -365,7 +361,7 @@ class Surroundings:
         for name, (r0, z0, r1, z1) in self._boxes.items():
             material = self.geometry.material_of(name)
             if name in beside:
-                index_of(material, self.wavelength, name, self.geometry.ambient)
+                self.index(name)
             elif material.name != VOID and (material.index is None or name in self.bulk):
                 gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
                 side = int(np.argmax(gaps))

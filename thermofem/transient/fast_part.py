@@ -113,7 +113,7 @@ class FastPart:
             self.values[0] = z[0]
             self.slopes = heat + _ends(g) - self.rate * _ends(w) - held_slopes
             change = np.abs(self.values - z).max(axis=0, initial=0)
-            if np.all(change <= allowed):
+            if (change <= allowed).all():
                 return
         raise checks.InputError("the amplitudes of the fields under k(T) do not settle; is the power far too large?")
 
