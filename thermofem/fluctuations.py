@@ -36,7 +36,6 @@ from .models import Foster, StateSpace
 from .models.contract import bare
 from .models.state_space import MOST_STATES, eigenmodes
 
-ROOM = 300.0  # K, the temperature of a model without a geometry
 CERTIFIED = 1e-4  # of Re Z at every frequency, where the space of a heat problem stops growing
 NOISE_ROUND_OFF = 1e-9  # of Re Z: what solves leave (measured 1e-12)
 MOST_ROUNDS = 15  # of four solves each; the reference strip needs 5
@@ -96,7 +95,8 @@ def thermal_noise(heat: Any, frequencies: ArrayLike, read: str = LIGHT, temperat
     f = checks.array("frequencies", frequencies, increasing=True)
     checks.between("frequencies[0]", f[0], 0, np.inf, unit="Hz", hint="densities are one-sided")
     read = checks.text("read", read)
-    ambient = heat.geometry.ambient if isinstance(heat, HeatProblem) else ROOM
+    # a model without a geometry is at 300 K
+    ambient = heat.geometry.ambient if isinstance(heat, HeatProblem) else 300.0
     T = ambient if temperature is None else temperature
     T = checks.between("temperature", T, 1e-3, 5000, unit="K", hint="it is absolute: room temperature is 300")
     spectrum = _spectrum(heat, 2 * np.pi * f, read)

@@ -133,10 +133,10 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
     above.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
     above.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
-    heated = next(part for part in geometry.parts if part.heated)
-    r = (heated.inner_radius + heated.outer_radius) / 2e-6
-    z = (heated.bottom + heated.height / 2) * 1e6
-    size = max(heated.outer_radius - heated.inner_radius, heated.height)
+    heated = geometry.first_heated
+    r = heated.centre * 1e6
+    z = heated.middle * 1e6
+    size = max(heated.breadth, heated.height)
     half = np.clip(2.5e6 * size, 1, 10)
     x, y = mesh.points.T * 1e6
     below.triplot(x, y, mesh.triangles, color=INK, linewidth=0.15)
@@ -178,21 +178,20 @@ def _draw_materials(geometry: CrossSection, ax: Axes) -> dict[str, str]:
 def _name_parts(geometry: CrossSection, ax: Axes) -> None:
     """Write the name of every part beside the axes, heated ones marked, from top to bottom, with a line to it."""
     low, high = np.array(ax.get_ylim()) * 1e-6
-    heights = [part.bottom + part.height / 2 for part in geometry.parts]
-    numbers = sorted(range(len(heights)), key=lambda number: -heights[number])
-    step = min(LINE, 1 / len(heights))
+    count = len(geometry.parts)
+    numbers = sorted(range(count), key=lambda number: -geometry.parts[number].middle)
+    step = min(LINE, 1 / count)
     beside = 1.0 + LINE / 2
     for rank, number in enumerate(numbers):
         part = geometry.parts[number]
-        z = heights[number]
-        room = step * (len(heights) - 1 - rank)  # what the names below need
+        z = part.middle
+        room = step * (count - 1 - rank)  # what the names below need
         level = (z - low) / (high - low)
         beside = max(min(level, beside - step), room + step / 2)
-        width = part.outer_radius - part.inner_radius
-        r = (part.inner_radius + part.outer_radius) / 2
+        r = part.centre
         for later in geometry.parts[number + 1 :]:
             if later.inner_radius < r < later.outer_radius and 0 < z - later.bottom < later.height:
-                r = part.outer_radius - width / 8  # a later part lies over its middle
+                r = part.outer_radius - part.breadth / 8  # a later part lies over its middle
                 break
         ax.annotate(
             f"{part.name} (heated)" if part.heated else part.name,

@@ -29,7 +29,6 @@ log = logging.getLogger("thermofem")
 CORE = "core"
 READS = (CORE, LIGHT)
 TIMES: Array = np.geomspace(1e-9, 1e-3, 61)  # s; steps are compared from 1 ns on
-REFUSED = 0.2  # largest difference of the two steps, relative
 SAME_WAVELENGTH = 1e-4  # relative difference; 1e-2 moved the step of a strip under a polymer by up to 17 %
 
 
@@ -157,7 +156,8 @@ def check_read(
         _log_once(warning)
         return {"read": read, "warning": warning}
     text += f": {ratio.least:.3g} to {ratio.most:.3g} times the wanted step, from 1 ns on"
-    if ratio.deviation > REFUSED and not chosen:
+    # a model whose step differs by more than 20 % is refused
+    if ratio.deviation > 0.2 and not chosen:
         raise InputError(text, hint)
     log.warning("%s; %s", text, hint)
     return {"read": read, "read_ratio": np.array(ratio), "warning": text}

@@ -296,7 +296,7 @@ class SurfacePoints:
 
 def _source(grid: CellGrid, offset: Array) -> Array:
     """z in m of the middle of the first heated part, shape (n,), at parameters middle + ``offset`` (n, p)."""
-    part = next(part for part in grid.box.base.parts if part.heated)
+    part = grid.box.base.first_heated
     positions = grid.z.at(offset)
     low = int(np.abs(grid.z.base - part.bottom).argmin())
     high = int(np.abs(grid.z.base - part.top).argmin())

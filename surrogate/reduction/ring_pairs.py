@@ -49,7 +49,7 @@ class Kind:
     @property
     def core(self) -> Part:
         """The part that is heated and read."""
-        return next(part for part in self.heat.geometry.parts if part.name == self.part)
+        return self.heat.geometry.part(self.part)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,6 @@ FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 START_FROM = "start_from"  # the same: "given", or found by the "rise" of the part that is heated or by "light"
-TIME_ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
 
@@ -254,7 +253,8 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
     """Times of which those within round-off of a breakpoint of the power are set to it exactly."""
     largest = float(np.abs(times[[0, -1]]).max())
-    slack = TIME_ROUND_OFF * largest
+    # 1e-14: times that were written in other units miss an edge of the power by that much
+    slack = 1e-14 * largest
     end = times[-1] + 1e-3 * float(np.ptp(times))
     edges = np.append(wave.breakpoints(times[0], end), np.inf)
     edge = edges[np.searchsorted(edges, times - slack)]  # the first that is not before

@@ -15,7 +15,6 @@ from ..checks import SMALLEST, InputError, shown
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
-LONGEST_TEXT = 400  # characters of a quantity: 309 digits are the largest float
 # names, products, quotients and brackets, powers of one digit: pint computes larger powers, of any size
 _UNIT = re.compile(r"(?:[^\W\d_]|(?<=\w)_(?=\w)|[\s*/()%°]|1(?!\d)|(?<![\s)^*])\^[+-]?[1-9](?![\d^]))*")
 _SUPERSCRIPTS = str.maketrans({"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "·": "*", "⋅": "*"})
@@ -77,7 +76,8 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:LONGEST_TEXT])
+    # the largest float has 309 digits
+    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:400])
     value, fault = _convert(match[1], match[2], unit) if match else (math.nan, "does not begin with a number")
     if not math.isfinite(value):
         raise InputError(f"{name} = {shown(text)} {fault or 'is not finite'}", _wanted(unit))

@@ -293,9 +293,7 @@ def own_mesh(geometry: CrossSection, mesh: Mesh | str | Path) -> Mesh:
     """
     if not isinstance(mesh, Mesh):
         mesh = load(checks.path("mesh", mesh))
-    materials = {layer.name: layer.material for layer in geometry.layers}
-    materials |= {part.name: part.material for part in geometry.parts}
-    solid = [name for name, material in materials.items() if material != VOID]
+    solid = [name for name, material in geometry.material_names.items() if material != VOID]
     for name in mesh.region_names:
         checks.choice("mesh: group", name, solid, hint="groups are named after layers and parts of the geometry")
     for name in geometry.heated:

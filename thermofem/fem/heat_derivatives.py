@@ -98,7 +98,7 @@ def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str
 
 def _source(heat: HeatProblem, change: Change) -> Array:
     """Derivative of the place (r, z) of the heat (`surfaces.source_of`) in m per unit of the parameter, shape (2,)."""
-    part = next(part for part in heat.geometry.parts if part.heated)
+    part = heat.geometry.first_heated
     velocity = change.outlines.get(part.name, np.zeros((4, 2)))
     moves = part.straight and not heat.geometry.mirrored
     r = velocity[:, 0].mean() * moves
@@ -129,7 +129,7 @@ def _mean(heat: HeatProblem, change: Change, points: Any, name: str) -> Array:
     if name in mesh.region_names:
         integral = volume(basis, mesh.region == mesh.region_names.index(name), points)
         return (integral / integral.sum()).imag / COMPLEX_STEP
-    probe = next(probe for probe in heat.geometry.probes if probe.name == name)
+    probe = heat.geometry.probe(name)
     if probe.shell is not None:
         thicker = 1j * COMPLEX_STEP * change.shell.get(name, 0.0)
         integral = shell_integral(heat.geometry, mesh, basis, probe, points, thicker)

@@ -150,8 +150,7 @@ class HeatProblem:
             return sum(integral / integral.sum() for integral in integrals)
         if name in self.regions:
             return volume(basis, self.mesh.region == self.regions.index(name))
-        probe = next(probe for probe in self.geometry.probes if probe.name == name)
-        return probe_integral(self.geometry, self.mesh, basis, probe)
+        return probe_integral(self.geometry, self.mesh, basis, self.geometry.probe(name))
 
     @cached_property
     def lit(self) -> HeatProblem:

@@ -133,9 +133,9 @@ def off_axis_points(geometry: CrossSection, probe: Probe) -> tuple[Array, Array]
 def _gap(geometry: CrossSection, probe: Probe) -> float:
     """Gap in m between the copy and the outermost heated part, at least a hundredth of the distance of their axes."""
     heated = max(part.outer_radius for part in geometry.parts if part.heated)
-    own = next(part.outer_radius for part in geometry.parts if part.name == probe.part)
+    copy = geometry.part(probe.part).outer_radius
     d = float(probe.distance or 0)
-    return max(d - heated - own, d / 100)
+    return max(d - heated - copy, d / 100)
 
 
 def _cross_section(geometry: CrossSection, probe: Probe) -> tuple[Array, Array, Array]:

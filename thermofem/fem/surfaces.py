@@ -198,9 +198,9 @@ def _in_series(h: float, R: float) -> float:
 
 def source_of(geometry: CrossSection) -> tuple[float, float]:
     """Position (r, z) in m from which d of open sides counts: the middle of the first heated part, r = 0 for a ring."""
-    heat = next(part for part in geometry.parts if part.heated)
-    middle = heat.x if heat.x is not None and not geometry.mirrored else 0.0
-    return middle, heat.bottom + heat.height / 2
+    part = geometry.first_heated
+    x = 0.0 if part.x is None or geometry.mirrored else part.x
+    return x, part.middle
 
 
 def line_source(u: Array) -> Array:

@@ -224,11 +224,30 @@ class CrossSection:
         """Names of the parts that may carry absorbed power."""
         return tuple(part.name for part in self.parts if part.heated)
 
+    def part(self, name: str) -> Part:
+        """The part of this name."""
+        return next(part for part in self.parts if part.name == name)
+
+    def probe(self, name: str) -> Probe:
+        """The probe of this name."""
+        return next(probe for probe in self.probes if probe.name == name)
+
+    @property
+    def first_heated(self) -> Part:
+        """The first part that may carry absorbed power."""
+        return next(part for part in self.parts if part.heated)
+
+    @property
+    def material_names(self) -> dict[str, str]:
+        """Name of the material of every layer and part, voids included."""
+        names = {layer.name: layer.material for layer in self.layers}
+        return names | {part.name: part.material for part in self.parts}
+
     def material_of(self, region: str) -> Material:
         """Material of a layer or part."""
-        names = {layer.name: layer.material for layer in self.layers}
-        names |= {part.name: part.material for part in self.parts}
-        return find(names[checks.choice("region", region, names)], self.materials)
+        names = self.material_names
+        checks.choice("region", region, names)
+        return find(names[region], self.materials)
 
     @cached_property
     def subdivision(self) -> Subdivision:
@@ -379,7 +398,7 @@ def check_copies(geometry: CrossSection) -> None:
         if probe.distance is None:
             continue
         who = f"probe {probe.name!r}"
-        part = next(part for part in geometry.parts if part.name == probe.part)
+        part = geometry.part(probe.part)
         if geometry.kind == "ring":
             check_uniform(geometry, who)
         check_distance(geometry, part, probe.distance, who)

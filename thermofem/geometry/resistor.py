@@ -41,7 +41,7 @@ def known_resistor(
     Raises InputError: a part that is not heated.
     """
     checks.choice("heater", name, geometry.heated)
-    part = next(part for part in geometry.parts if part.name == name)
+    part = geometry.part(name)
     if part.resistance is not None:
         return Resistor(part.resistance, part.tcr, "given")
     resistivity = geometry.material_of(name).resistivity
@@ -50,11 +50,10 @@ def known_resistor(
     along = "of the guide" if length is None else "of the shape"
     length = length or geometry.length
     if length is None:
-        radius = (part.inner_radius + part.outer_radius) / 2
-        length = geometry.path_length(radius)
+        length = geometry.path_length(part.centre)
         straights = f" + 2 x {quantity.rounded(geometry.straight, 'm', 6)}" if geometry.straight else ""
-        along = f"= 2 pi x {quantity.rounded(radius, 'm', 6)}{straights}, at its own mean radius"
-    width = width or part.outer_radius - part.inner_radius
+        along = f"= 2 pi x {quantity.rounded(part.centre, 'm', 6)}{straights}, at its own mean radius"
+    width = width or part.breadth
     resistance = resistivity * length / (width * part.height)
     origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)} {along}"
     return Resistor(resistance, part.tcr, origin)
@@ -74,7 +73,7 @@ def resistor_of(geometry: CrossSection, name: str) -> Resistor:
 
 def recorded(resistors: Mapping[str, Resistor | None]) -> dict[str, list[float]]:
     """R_0 in ohm and tcr in 1/K of the inputs of a model of several rings or shapes, as its ``origin`` keeps them."""
-    return {name: [one.resistance, one.tcr] for name, one in resistors.items() if one is not None}
+    return {name: [r.resistance, r.tcr] for name, r in resistors.items() if r is not None}
 
 
 def check_resistors(geometry: CrossSection) -> None:

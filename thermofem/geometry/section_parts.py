@@ -139,6 +139,21 @@ class Part:
         """Height of its upper face in m."""
         return self.bottom + self.height
 
+    @property
+    def middle(self) -> float:
+        """Height of its middle in m."""
+        return self.bottom + self.height / 2
+
+    @property
+    def centre(self) -> float:
+        """r or x of its middle in m."""
+        return (self.inner_radius + self.outer_radius) / 2
+
+    @property
+    def breadth(self) -> float:
+        """Width along r or x in m, at half height."""
+        return self.outer_radius - self.inner_radius
+
     def outline(self) -> Array:
         """Corners (r, z) or (x, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
         vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9

@@ -99,7 +99,7 @@ class Shape:
 
     @property
     def _section_part(self) -> Part:
-        return next(part for part in self.section.parts if part.name == self.part)
+        return self.section.part(str(self.part))
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
@@ -221,17 +221,10 @@ def along_ring(ring: CrossSection) -> tuple[Shape, ...]:
 
     The first heated part is at x = 0. Names are those of the parts; other parts follow each of them.
     """
-    first = next(part for part in ring.parts if part.heated)
-    middle = (first.inner_radius + first.outer_radius) / 2
-    radius = {part.name: (part.inner_radius + part.outer_radius) / 2 for part in ring.parts}
+    middle = ring.first_heated.centre
+    radius = {part.name: part.centre for part in ring.parts}
     parts = tuple(
-        replace(
-            part,
-            x=radius[part.name] - middle,
-            width=part.outer_radius - part.inner_radius,
-            inner_radius=math.nan,
-            outer_radius=math.nan,
-        )
+        replace(part, x=part.centre - middle, width=part.breadth, inner_radius=math.nan, outer_radius=math.nan)
         for part in ring.parts
     )
     section = replace(

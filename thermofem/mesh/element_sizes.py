@@ -129,12 +129,12 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
 
 def _copies(geometry: CrossSection) -> list[tuple[float, float, float]]:
     """Inner and outer radius and middle height in m of every copy off the axis."""
-    parts = {part.name: part for part in geometry.parts}
-    copies = [(probe.distance, parts[probe.part]) for probe in geometry.probes if probe.distance is not None]
     rows = []
-    for distance, part in copies:
-        middle = part.bottom + part.height / 2
-        rows.append((distance - part.outer_radius, distance + part.outer_radius, middle))
+    for probe in geometry.probes:
+        if probe.distance is not None:
+            part = geometry.part(probe.part)
+            reach = part.outer_radius
+            rows.append((probe.distance - reach, probe.distance + reach, part.middle))
     return rows
 
 

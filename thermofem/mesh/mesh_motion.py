@@ -42,9 +42,7 @@ if TYPE_CHECKING:
     from ..geometry.parameter_paths import Change
     from ..geometry.regions import Face
 
-ON_EDGE = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
 AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ by less are the same
-PARALLEL = 1e-6  # singular value, of unit normals, below which edges count as parallel
 SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the smaller, the further a mesh can move
 
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
@@ -72,7 +70,8 @@ class Motion:
         Shapes (vertices, 2), (vertices, c) and (vertices, 2); zero where a vertex lies on no edge.
         """
         points = self._once.points
-        slack = ON_EDGE * float(np.abs(self.corners).max())
+        # a vertex this near to an edge lies on it
+        slack = 1e-9 * float(np.abs(self.corners).max())
         shares = np.zeros((len(points), len(self.corners)))
         held = np.zeros((len(points), 2), dtype=bool)
         ends = np.zeros((len(points), 2), dtype=np.intp)
@@ -280,7 +279,8 @@ class CornerMotion:
             wanted = np.array([speed for _, speed in rows])
             inside = normals @ free
             u, s, vt = np.linalg.svd(inside)
-            rank = int((s > PARALLEL).sum())
+            # 1e-6: with smaller singular values, of unit normals, edges count as parallel
+            rank = int((s > 1e-6).sum())
             missing = wanted - normals @ velocity
             along = (u[:, :rank].T @ missing) / s[:rank]
             step = vt[:rank].T @ along

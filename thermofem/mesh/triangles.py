@@ -17,8 +17,6 @@ from ..checks import InputError
 from ..data import files
 
 WIDE = 0.1  # m, the largest length of a geometry file
-FLAT = 1e-10  # height over longest side, of a triangle that has no area
-MESH_ROUND_OFF = 1e-9  # of the size of a mesh: points this close are one
 
 _COUNT = re.compile(rb"(?<!\S)[0-9]{9,}(?!\S)")  # memory that meshio takes before it knows that the numbers are there
 _log = logging.getLogger("thermofem")
@@ -63,7 +61,8 @@ class Mesh:
         sides = np.roll(corners, -1, axis=1) - corners
         longest = (sides**2).sum(axis=2).max(axis=1)
         area = signed_areas(points, triangles)
-        flat = 2 * np.abs(area) <= FLAT * longest
+        # 1e-10: a triangle whose height is a smaller share of its longest side has no area
+        flat = 2 * np.abs(area) <= 1e-10 * longest
         if flat.any():
             raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
         triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
@@ -218,7 +217,8 @@ def _read(path: str | Path) -> Mesh:
     each = mesh.points[mesh.triangles]
     shapes = shapely.polygons(np.concatenate([each, each[:, :1]], axis=1))
     span = np.ptp(mesh.points, axis=0).max()
-    if not shapely.coverage_is_valid(shapes, gap_width=MESH_ROUND_OFF * span):
+    # points closer than 1e-9 of the mesh's size are one
+    if not shapely.coverage_is_valid(shapes, gap_width=1e-9 * span):
         rule = "its triangles overlap, or meet without sharing their points: no heat would flow there"
         raise InputError(rule, "gmsh's Coherence or BooleanFragments joins the parts")
     return mesh

@@ -19,9 +19,6 @@ from ..checks import InputError
 from ..data.display import model_html
 from .contract import AtSmallPower, at_times, check_rise, columns, keep_names, names, parts, reader, rows, warn_beyond
 
-SHORTEST_TAU = 1e-20  # s, of a time constant: rates below it and charges beyond the longest overflow in other programs
-LONGEST_TAU = 1e12  # s
-
 
 @dataclass(frozen=True, eq=False)
 class Foster:
@@ -61,7 +58,8 @@ class Foster:
         checks.shape("tau", tau, R.shape)
         hint = "a negative time constant grows without bound"
         for end in (tau.min(), tau.max()):
-            checks.between("tau", end, SHORTEST_TAU, LONGEST_TAU, unit="s", hint=hint)
+            # s; the rates of shorter ones and the charges of longer ones overflow in other programs
+            checks.between("tau", end, 1e-20, 1e12, unit="s", hint=hint)
         keep_names(self)
         order = np.argsort(tau)
         checks.keep(self, R=R[order], tau=tau[order])

@@ -45,7 +45,6 @@ WIDEST = 12e-6  # m, at most, between the core and the layers at its sides
 LEAKS = 1e-9  # of the power: where so much of the mode reaches a substrate its leak is computed
 HYBRID = 0.3  # of TE or TM: a mode with more of both is hybrid
 FELT = 1e-3  # of the energy: a material with less of it need not have dn/dT
-LARGEST_Q = 1e11  # round-off of Im beta is about 1e-13 of beta
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
 LEAST_RATE = 1e5  # 1/s; a ring with a smaller radiation rate counts as one that does not radiate
 DECIBEL = 20 / math.log(10)  # per neper of the field
@@ -390,7 +389,8 @@ class Mode:
         if damping <= 0:
             return math.inf
         q = self.k0 * self.n_g / (2 * damping)
-        return q if q < LARGEST_Q else math.inf
+        # beyond 1e11 it is round-off: that of Im beta is about 1e-13 of beta
+        return q if q < 1e11 else math.inf
 
     @cached_property
     def radiation_rate(self) -> float:

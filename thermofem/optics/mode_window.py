@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 AIR = "air"  # what lies above the stack and in voids, where the heat problem has no triangles
 UM = 1e6  # um in a metre
-WINDOW_GRID = 1e-12  # m, on which the faces are cut at the sides of a window
 ROOM = 293.15  # K, at which index laws hold: they were measured at 20 to 26 C, and 6 K change silicon by 1e-3
 
 Box = tuple[float, float, float, float]  # left, right, bottom, top in m
@@ -134,7 +133,8 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     voids = {part.name for part in geometry.parts if part.material == VOID}
     everything = {"": corners} | outlines(geometry, whole=True)
-    faces = cut(everything, ground="", holes=voids, grid=WINDOW_GRID)
+    # faces are cut on a grid of 1e-12 m at the sides of a window
+    faces = cut(everything, ground="", holes=voids, grid=1e-12)
     return [replace(face, owner=face.owner or AIR) for face in reversed(faces)]  # the core, meshed finest, first
 
 

@@ -24,12 +24,8 @@ if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
     from ..mesh import Mesh
 
-REACHES = 1e-4  # of the power: a metal that so much of the mode reaches is refused
-LEAK = 0.01  # dB/cm; a larger leak is reported
 RIDGE = 0.9  # of dn_eff/dn of what guides: a part with less is the ridge of a rib, the rim of a disc, half of a diode
 HELD = 0.4  # of the energy, within the core and where the mode falls to a tenth: less is no mode of this guide
-BARRIER = 2.0  # exponent of a bend's tunnelling; below it nothing holds a mode in the bend
-STAYS = 0.5  # of the core's share of the energy in the straight guide: with less a mode has left the bend
 ROOF = 1e-4  # of the power of a weakly guided mode: with less at the top of the stack a window ends there
 WEAKEST = 0.03  # of the way from the cladding's index to the core's slab: no window is widened for a weaker mode
 FIRST, MOST = 3, 48  # modes that are solved for at first and at most
@@ -78,7 +74,7 @@ class Light:
     @property
     def guide(self) -> Part:
         """The part that guides."""
-        return next(part for part in self.geometry.parts if part.name == self.part)
+        return self.geometry.part(self.part)
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -257,9 +253,11 @@ class Light:
 
     def _stays(self, mode: Mode) -> bool:
         """Whether a mode of the bend has its energy where the straight guide has it, and a barrier holds it there."""
-        if mode.share < STAYS * self._straight[mode.name].share:
+        # with less than half of its share of the energy in the straight guide a mode has left the bend
+        if mode.share < 0.5 * self._straight[mode.name].share:
             return False
-        return math.isinf(self.radius) or mode.tunnelling(self.surroundings.floor) > BARRIER
+        # below this exponent nothing holds a mode in the bend
+        return math.isinf(self.radius) or mode.tunnelling(self.surroundings.floor) > 2.0
 
     @cached_property
     def _known(self) -> dict[str, Mode]:
@@ -299,14 +297,16 @@ class Light:
             )  # fmt: skip
         for name, (side, away) in self.surroundings.limits[1].items():
             material = material_of(self.geometry, name)
-            reach = self.surroundings.reach(side, mode.n_eff, REACHES)
+            # 1e-4: a metal that so much of the power reaches is refused
+            reach = self.surroundings.reach(side, mode.n_eff, 1e-4)
             if material.index is None and away < reach:
                 raise InputError(
                     f"{name!r} ({material.name}) lies {away * UM:.3g} um from {self.part!r}, within the reach of "
                     f"{mode.name}, and has no refractive index",
                     f"move it {reach * UM:.2g} um away, or give it in [material.{material.name}] index = ...",
                 )
-        if mode.substrate_loss > LEAK:
+        # 0.01 dB/cm: a larger leak is reported
+        if mode.substrate_loss > 0.01:
             log.warning(
                 "%s: %s leaks into %s: %.2g dB/cm; that loss heats nothing in the core",
                 self.geometry.name, mode.name, " and ".join(mode.drains), mode.substrate_loss,

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 KIND = 0.1  # of the core's index; regions that differ less are of the core's kind
 BARRIER = 7.0  # exponent of the decay with the core's index, beyond which a layer is not part of the guide
-LEAST_DECAY = 1e-3  # of n_eff^2 - n^2, so that a reach is finite
 REFERENCE = 0.25  # of the way from the cladding's index to that of the core's slab: a weakly guided mode
 AIRY = 9.0  # depth of a disc's window in the scale of Ai, whose zeros are -2.3, -4.1, -5.5, -6.8
 RADIAL = 7.0  # depth of the caustics of a disc's modes in the same scale
@@ -113,7 +112,7 @@ class Surroundings:
         part = self.part
         inside = [x for x in self.walls if part.inner_radius < x < part.outer_radius]
         ticks = [part.inner_radius, *inside, part.outer_radius]
-        centre = (part.inner_radius + part.outer_radius) / 2
+        centre = part.centre
         between = [(right + left) / 2 for left, right in itertools.pairwise(ticks)]
         candidates = sorted([centre, *between], key=lambda r: abs(r - centre))
 
@@ -327,7 +326,8 @@ class Surroundings:
         exponent = -math.log(tail)
         distance = 0.0
         for length, index in self.steps(side):
-            least = LEAST_DECAY if math.isinf(length) else 0.0
+            # n_eff^2 - n^2 is at least 1e-3, so that a reach is finite
+            least = 1e-3 if math.isinf(length) else 0.0
             excess = max(n_eff**2 - index**2, least)
             decay = 2 * self.k0 * math.sqrt(excess)
             if decay * length >= exponent:

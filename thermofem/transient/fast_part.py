@@ -44,7 +44,6 @@ def _legendre(u: ArrayLike) -> Array:
 
 
 _AT_STAGES = _legendre(STAGE_TIMES)
-BENDS = 40  # iterations of z under k(T) and c_p(T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +100,8 @@ class FastPart:
         h, gains, decay, forcing, heat = linear
         _, held_at_start = curved(self.values[:1])
         w0 = self.values[0] + held_at_start[0]
-        for _ in range(BENDS):
+        # 40 iterations, under k(T) and c_p(T)
+        for _ in range(40):
             z = self.values
             flow, held = curved(z)
             g = self.rate * held - flow

@@ -86,8 +86,6 @@ class Trajectory:
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
 MOST_PASSES = 30  # of a period, before the periodic state is given up
-MIDDLE = 1.149  # of the interval 1..1.298 of the corrected period map
-FIRST_STEP_GAIN = 4**1.5  # of a first step's error from level to level: the rise there is t - a t^1.5 (measured)
 FINEST = 40  # step levels below the length of a piece before a run is given up
 
 
@@ -175,7 +173,8 @@ def integrate_periodic(
     for k in range(1, MOST_PASSES + 1):
         defect = end - x
         steady_part = stepper.static(stepper.E @ defect) / period
-        correction = (defect + steady_part) / MIDDLE
+        # 1.149: the middle of the interval 1..1.298 of the corrected period map
+        correction = (defect + steady_part) / 1.149
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
         end = _march(plan, x, record)
@@ -236,7 +235,8 @@ def _cross(control: _Control, record: _Record, x: Array, start: float, stop: flo
             stepper.rejected += 1
             down = 1
             if not taken and np.isfinite(error):
-                factors = np.log(error) / np.log(FIRST_STEP_GAIN)
+                # the error of a first step falls by 4^1.5 from level to level: the rise there is t - a t^1.5 (measured)
+                factors = np.log(error) / np.log(4**1.5)
                 down = int(np.ceil(factors))
             done = 4**down * done
             level = level + down

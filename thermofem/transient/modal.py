@@ -36,11 +36,9 @@ if TYPE_CHECKING:
     from ..models import StateSpace
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
-SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # rounds before the first comparison, and before the integrator takes over
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
-NO_CHANGE = 1e-2  # of the tolerance, below which a change counts as none, however slowly the changes fall
 LOUDER = 10.0  # over all power before it: the response behind such a breakpoint exceeds that of the heat before it
 
 
@@ -118,7 +116,8 @@ class Modal:
             if len(solutions) == 3:
                 before = change
                 change = _change(solutions[0], solution, C, space, shown) / rtol
-                if max(before, change) <= 1 and change <= max(before / 2, NO_CHANGE):
+                # below 1e-2 of the tolerance a change counts as none, however slowly the changes fall
+                if max(before, change) <= 1 and change <= max(before / 2, 1e-2):
                     break
         else:
             return None
@@ -150,7 +149,8 @@ class Modal:
                 decade = 10 ** np.ceil(np.log10(EARLIEST / first))
                 high = max(high, min(decade, self._cell))
             if high not in self._spaces:
-                gaps = max(1, int(np.ceil(np.log10(high / low) / SPAN)))
+                # at most 2.5 decades apart: two then do for steps from 1 ns on, with as few fields as three or four
+                gaps = max(1, int(np.ceil(np.log10(high / low) / 2.5)))
                 shifts = np.append(0.0, np.geomspace(low, high, gaps + 1))
                 solvers = [self.factors.keep(shift, 1.0) for shift in shifts]
                 self._spaces[high] = Rounds(self.system, shifts, solvers)

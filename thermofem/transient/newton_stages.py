@@ -25,7 +25,6 @@ from .nonlinear import NodalOperator, NonlinearEquations
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
 ITERATIONS = 10  # per stage, before the step is made shorter
-JUDGED = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which it is made shorter at once
 NEWTON_SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
@@ -157,7 +156,8 @@ class NewtonStepper(Stepper):
             size = float(relative.max())
             rate = size / last if k else min(self._rate * self.rise, STALLED)
             last = size
-            stalls = k >= JUDGED and rate > STALLED
+            # a rate is judged after three iterations: a good guess makes the first ratios large
+            stalls = k >= 3 and rate > STALLED
             if not np.isfinite(size) or stalls:
                 return None
             remaining_error_is_small = size * rate <= self.tolerance * (1 - rate)

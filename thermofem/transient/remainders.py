@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
 SETTLED_SHARE = 1e-3  # of the tolerance, that an iteration may leave
-ITERATION_SHARE = 0.02  # of the error of a step, that Newton's method may leave in a stage
 
 
 class RemainderStep(NamedTuple):
@@ -217,7 +216,8 @@ class NonlinearRemainder(_Parts):
         follows = (z + held) @ self.EV.T
         loads = np.hstack([z, piece.stages, flow]) @ self.loads.T
         targets = follows + shift * (loads + correction)
-        s.tolerance = ITERATION_SHARE * self.share * self.tolerance / max(s.rise, self.tolerance)
+        # Newton's method may leave 0.02 of the error of a step in a stage
+        s.tolerance = 0.02 * self.share * self.tolerance / max(s.rise, self.tolerance)
         start = s.system.content(fields[0] + states[0]) - follows[0]
         for i in range(1, 6):
             before = start + h * (STAGES[i, :i] @ slopes[:i])
