@@ -164,8 +164,6 @@ DENSE = {
     "surrogate/fitting/optical_fit.py: _concluded": "a result with all its fields",
     "surrogate/reduction/array_reduction.py: reduce_array": "a result with all its fields",
     "surrogate/reduction/layout_sections.py: of": "a result with all its fields",
-    "thermofem/export/spice_heat.py: _coupled": "lines of a netlist",
-    "thermofem/export/spice_heat.py: _pin": "lines of a netlist",
 }
 
 
