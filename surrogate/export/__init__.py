@@ -11,14 +11,14 @@ from typing import Any
 from thermofem.export.export_header import Format, checked
 from thermofem.models import ThermalModel
 
-from . import fmu, pole_files, spice, verilog_a
+from .heat_files import write_csv, write_fmu, write_mat, write_spice, write_verilog_a
 
 FORMATS = {
-    "spice": Format(".cir", spice.write),
-    "verilog-a": Format(".va", verilog_a.write),
-    "fmu": Format(".fmu", fmu.write),
-    "mat": Format(".mat", pole_files.write_mat),
-    "csv": Format(".csv", pole_files.write_csv),
+    "spice": Format(".cir", write_spice),
+    "verilog-a": Format(".va", write_verilog_a),
+    "fmu": Format(".fmu", write_fmu),
+    "mat": Format(".mat", write_mat),
+    "csv": Format(".csv", write_csv),
 }
 
 
