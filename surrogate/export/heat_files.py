@@ -1,7 +1,8 @@
 """Writers of a thermal model for circuit and system simulators: SPICE, Verilog-A, FMI unit, matrices, table of poles.
 
-Each is a function ``write(model, target)`` of a `Format` in `surrogate.export`. Matrices are in SI: E dx/dt = A x + B P,
-dT = C x. A Quadratic adds H and G as `thermofem.Quadratic` has them; an output map adds its coefficient.
+Each is a function ``write(model, target)`` of a `Format` in `surrogate.export`. Matrices are in SI:
+E dx/dt = A x + B P, dT = C x. A Quadratic adds H and G as `thermofem.Quadratic` has them; an output map adds its
+coefficient.
 """
 
 import csv

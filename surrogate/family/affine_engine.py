@@ -31,7 +31,7 @@ from .affine_grid import SAMPLE_MEMBERS, CellGrid, SampledWeights, surface_point
 from .members import MemberMatrices
 from .parameter_box import Box
 
-CHUNK = 512  # members at once
+MEMBERS_AT_ONCE = 512
 
 
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:
@@ -45,8 +45,8 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     n = basis.Nbfun
     weights = np.ones_like(r), r
     stiffness = []
-    for along in (0, 1):
-        metric = det * inverse[:, None, along] * inverse[None, :, along]
+    for slopes in inverse.transpose(1, 0, 2):  # of the reference coordinates, along r and along z
+        metric = det * slopes[:, None] * slopes
         for weight in weights:
             weighted = metric[:, :, None] * weight
             stiffness.append(weighted.reshape(-1, t).T @ integrals.stiffness)
@@ -173,12 +173,12 @@ class AffineEngine:
             M[:, c] = _projected(capacity[:, here], local)
             L[:, c] = np.einsum("ktb,tbn->kn", load[:, here], local)
             volume[:, c] = load[:, here].sum(axis=(1, 2))
-        K_terms = _summed(K.reshape(-1, n, n), coefficients.stiffness)
+        K_terms = _summed(K, coefficients.stiffness)
         if coefficients.surface is not None:
             U = traces @ full
             extra = [U.T @ (mode[:, None] * U) for mode in coefficients.surface.modes.T]
-            K_terms = np.concatenate([K_terms, np.array(extra)])
-        M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
+            K_terms = np.concatenate([K_terms, extra])
+        M_terms = _summed(M, coefficients.capacity)
         inside = np.array([owner == name for name in ports])[:, None]
         P = inside[..., None] * L
         volumes = inside * volume
@@ -194,8 +194,10 @@ def _projected(terms: Array, functions: Array) -> list[Array]:
     return [flat.T @ np.matmul(A, functions).reshape(flat.shape) for A in terms]
 
 
-def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
+def _summed(matrices: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
+    """Sum of the matrices (..., n, n) of each group of proportional coefficients, by their ratios to the first one."""
     kind, ratio = kinds
+    terms = matrices.reshape(kind.size, *matrices.shape[-2:])
     total = np.zeros((kind.max() + 1, *terms.shape[1:]))
     np.add.at(total, kind, ratio[:, None, None] * terms)
     return total
@@ -248,15 +250,15 @@ class AffineMembers:
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        result = np.empty(len(rows))
-        for start in range(0, len(rows), CHUNK):
-            K, _, volume = self.coefficients(rows[start : start + CHUNK])
+        gains = []
+        for start in range(0, len(rows), MEMBERS_AT_ONCE):
+            K, _, volume = self.coefficients(rows[start : start + MEMBERS_AT_ONCE])
             b = self._means(volume, heated)
             c = self._means(volume, read)
             matrices = np.tensordot(K, self.K, 1)
-            fields = np.linalg.solve(matrices, b[..., None])[..., 0]
-            result[start : start + CHUNK] = np.einsum("nk,nk->n", c, fields)
-        return result
+            fields = np.linalg.solve(matrices, b[..., None])
+            gains.append(np.einsum("nk,nk->n", c, fields[..., 0]))
+        return np.concatenate(gains)
 
     def _means(self, volume: Array, port: int) -> Array:
         """Means of the functions over a port, shape (n, N), of members with the cell volumes (n, 2 c)."""

@@ -103,18 +103,17 @@ class CellGrid:
         heated = [part for part in base.parts if part.heated]
         radii = [x for part in heated for x in (part.inner_radius, part.outer_radius)]
         heights = [x for part in heated for x in (part.bottom, part.top)]
-        r, z = _lines(base, box.changes)
-        r = _with_companions(_ordered(r, ranges), ranges, radii)
-        z = _with_companions(_ordered(z, ranges), ranges, heights)
-        left, lower, owner = _cells(base, r.base, z.base)
-        return cls(box, r, z, left, lower, owner)
+        across_r, across_z = _lines(base, box.changes)
+        r = _with_companions(_ordered(across_r, ranges), ranges, radii)
+        z = _with_companions(_ordered(across_z, ranges), ranges, heights)
+        return cls(box, r, z, *_cells(base, r.base, z.base))
 
     @cached_property
     def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
         """Names of all materials, each once, and for each cell the index of its material, shape (c,)."""
         material = [self.box.base.material_of(name).name for name in self.owner]
         names = list(dict.fromkeys(material))
-        return names, np.array([names.index(one) for one in material])
+        return names, np.array([names.index(name) for name in material])
 
     def coefficients(self, rows: Array, at: Properties) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
@@ -135,32 +134,32 @@ class CellGrid:
         area = 2 * np.pi * b * d
         along_r = around(at.k_r) * ratio
         along_z = around(at.k_z) / ratio
-        c = around(at.capacity)
-        stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
-        volume = np.concatenate([area * a, area * b], axis=1)
-        capacity = np.concatenate([c, c], axis=1) * volume / (2 * np.pi)
-        return stiffness, capacity, volume
+        stiffness = np.hstack([along_r * a, along_r * b, along_z * a, along_z * b])
+        volume = np.hstack([area * a, area * b])
+        c = np.tile(around(at.capacity), 2)
+        return stiffness, c * volume / (2 * np.pi), volume
 
 
 def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
     """Lines across r and across z on which the outlines lie, unsorted; NotAffineError where a wall leans."""
     still = np.zeros((4, 2))
-    positions: tuple[list[Array], list[Array]] = ([], [])
-    slopes: tuple[list[Array], list[Array]] = ([], [])
-    for name, outline in outlines(base).items():
-        velocity = np.array([change.outlines.get(name, still) for change in changes])  # (p, 4, 2)
-        straight = 1e-9 * np.abs(outline).max()  # 1e-9 of a length: a wall that leans less runs along z
-        for axis, begin, end in ((0, [0, 1], [3, 2]), (1, [0, 2], [1, 3])):  # both ends of two sides each
+    axes = []
+    for axis, begin, end in ((0, [0, 1], [3, 2]), (1, [0, 2], [1, 3])):  # both ends of two sides each
+        positions = []
+        slopes = []
+        for name, outline in outlines(base).items():
+            velocity = np.array([change.outlines.get(name, still) for change in changes])  # (p, 4, 2)
+            straight = 1e-9 * np.abs(outline).max()  # 1e-9 of a length: a wall that leans less runs along z
             position = outline[begin, axis]
             slope = velocity[:, begin, axis]
-            lean = position - outline[end, axis]
-            turn = slope - velocity[:, end, axis]
-            if np.abs(lean).max() > straight or np.abs(turn).max() > 1e-12:
+            lean = np.abs(position - outline[end, axis])
+            turn = np.abs(slope - velocity[:, end, axis])
+            if lean.max() > straight or turn.max() > 1e-12:
                 raise NotAffineError(f"the walls of {name!r} lean")
-            positions[axis].append(position)
-            slopes[axis].append(slope.T)
-    r = Axis(np.concatenate(positions[0]), np.concatenate(slopes[0]))
-    z = Axis(np.concatenate(positions[1]), np.concatenate(slopes[1]))
+            positions.append(position)
+            slopes.append(slope.T)
+        axes.append(Axis(np.concatenate(positions), np.concatenate(slopes)))
+    r, z = axes
     return r, z
 
 
@@ -174,13 +173,13 @@ def _ordered(axis: Axis, ranges: tuple[Array, Array]) -> Axis:
     order = np.lexsort((*axis.slope.T, axis.base))
     base = axis.base[order]
     slope = axis.slope[order]
-    kept: list[int] = []
+    different: list[int] = []
     for k in range(len(base)):
-        turn = np.abs(slope[kept] - slope[k])
-        apart = np.abs(base[kept] - base[k]) + turn @ half
+        turn = np.abs(slope[different] - slope[k])
+        apart = np.abs(base[different] - base[k]) + turn @ half
         if np.all(apart >= SAME_LINE):
-            kept.append(k)
-    lines = Axis(base[kept], slope[kept])
+            different.append(k)
+    lines = Axis(base[different], slope[different])
     gaps, _ = _gaps(lines, ranges)
     if gaps.min(initial=np.inf) <= SAME_LINE:
         place = lines.base[int(gaps.argmin())]
@@ -224,19 +223,18 @@ def _cells(base: CrossSection, r: Array, z: Array) -> tuple[NDArray[np.intp], ND
     left: list[int] = []
     lower: list[int] = []
     owners: list[str] = []
-    for i, x in enumerate((r[:-1] + r[1:]) / 2):
-        for j, y in enumerate((z[:-1] + z[1:]) / 2):
-            middle = np.array([x, y])
-            owner = ""
-            for name, outline in shapes.items():
-                above = middle > outline.min(axis=0)
-                below = middle < outline.max(axis=0)
-                if np.all(above & below):
-                    owner = name  # the last one drawn
-            if owner and owner not in void:
-                left.append(i)
-                lower.append(j)
-                owners.append(owner)
+    for i, j in np.ndindex(len(r) - 1, len(z) - 1):
+        middle = np.array([r[i] + r[i + 1], z[j] + z[j + 1]]) / 2
+        owner = ""
+        for name, outline in shapes.items():
+            above = middle > outline.min(axis=0)
+            below = middle < outline.max(axis=0)
+            if np.all(above & below):
+                owner = name  # the last one drawn
+        if owner and owner not in void:
+            left.append(i)
+            lower.append(j)
+            owners.append(owner)
     return np.array(left), np.array(lower), owners
 
 

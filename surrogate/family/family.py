@@ -118,8 +118,7 @@ class Family:
 
     def __repr__(self) -> str:
         ranges = []
-        for name, unit in zip(self.names, self.box.units, strict=True):
-            low, high = self.ranges[name]
+        for (name, (low, high)), unit in zip(self.ranges.items(), self.box.units, strict=True):
             ranges.append(f"{name} {low:g} .. {high:g} {unit}".rstrip())
         functions = f"{self.size} functions, engine {self.engine!r}"
         return f"Family({', '.join(ranges)}; {functions}, {self.error!r})"
@@ -132,8 +131,8 @@ class Family:
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Ends (low, high) of the range of each parameter, SI."""
-        ends = zip(self.names, self.box.low, self.box.high, strict=True)
-        return {name: (float(low), float(high)) for name, low, high in ends}
+        ends = np.column_stack([self.box.low, self.box.high])
+        return {name: (low, high) for name, (low, high) in zip(self.names, ends.tolist(), strict=True)}
 
     @property
     def engine(self) -> str:
@@ -141,7 +140,8 @@ class Family:
 
         With k(T) " and interpolation" (of the output map) is added.
         """
-        return self.members.engine + ("" if self.output_maps is None else " and interpolation")
+        name = self.members.engine
+        return name if self.output_maps is None else f"{name} and interpolation"
 
     @property
     def size(self) -> int:
@@ -187,7 +187,8 @@ class Family:
             a, b = self.channel()
             modes = self.members.member(self.box.row(values)).modes()
             light = self.ports.index(LIGHT)
-            system = two_outputs(modes, (self.ports[a], self.ports[b]), (a, b, light), self._origin(LIGHT))
+            names = self.ports[a], self.ports[b]
+            system = two_outputs(modes, names, (a, b, light), self._origin(LIGHT))
             return LitMember(system, self._foster(modes, a, b))
         return self.of_channel(self.named_channel(heated, read), values)
 
@@ -206,6 +207,10 @@ class Family:
         row = self.box.row(values)
         modes = self.members.member(row).modes()
         return self._with_output_map(self._foster(modes, a, b), row, (a, b))
+
+    def of_member(self, row: Array) -> Channel:
+        """`model` of the first channel, for the parameters ``row`` in SI, shape (p,)."""
+        return self.of_channel(self.named_channel(), self.box.named(row))
 
     def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Channel:
         if self.output_maps is None:
@@ -228,25 +233,28 @@ class Family:
         """Return the small StateSpace of one member with all inputs and outputs."""
         small = self.members.member(self.box.row(values))
         means = dict(zip(self.ports, small.ports, strict=True))
-        B = np.array([means[name] for name in self.inputs]).T
-        C = np.array([means[name] for name in self.outputs])
-        return StateSpace(small.M, -small.K, B, C, inputs=self.inputs, outputs=self.outputs)
+        heated = np.array([means[name] for name in self.inputs])
+        read = np.array([means[name] for name in self.outputs])
+        return StateSpace(small.M, -small.K, heated.T, read, inputs=self.inputs, outputs=self.outputs)
 
     def reduced(
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
     ) -> Channel:
         """Return a member with few poles; its impedance differs from that of `model` by at most ``tolerance`` R_th."""
         a, b = self.channel(heated, read)
-        channel = self.system(**values).channel(self.ports[a], self.ports[b])
-        model: Any = reduce(replace(channel, origin=self._origin(self.ports[b])), tolerance).model  # a Foster network
+        name = self.ports[b]
+        system = self.system(**values).channel(self.ports[a], name)
+        channel = replace(system, origin=self._origin(name))
+        model: Any = reduce(channel, tolerance).model  # a Foster network
         return self._with_output_map(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
         """Return R_th in K/W of many members; the values broadcast against each other."""
         rows = self.box.rows(values)
-        a, b = self.channel(heated, read)
-        R_th = self.members.resistances(rows.reshape(-1, self.box.size), a, b)
-        return np.asarray(R_th.reshape(rows.shape[:-1]))
+        *shape, size = rows.shape
+        channel = self.channel(heated, read)
+        R_th = self.members.resistances(rows.reshape(-1, size), *channel)
+        return np.asarray(R_th.reshape(shape))
 
     def chosen_channel(self, heated: str | None, read: str | None) -> ChannelNames | None:
         """`named_channel` where one of both names is given, else None; errors as of `channel`."""
@@ -258,13 +266,14 @@ class Family:
         """Rise in K/W of many members after a unit step; shape of the broadcast values, then that of ``times``."""
         t = checks.numbers("times", times)
         rows = self.box.rows(values)
-        a, b = self.channel(heated, read)
+        *shape, size = rows.shape
+        channel = self.channel(heated, read)
         after = np.maximum(t.ravel(), 0.0)
         rises = []
-        for row in rows.reshape(-1, self.box.size):
+        for row in rows.reshape(-1, size):
             modes = self.members.member(row).modes()
-            rises.append(modes.step_response(after, a, b))
-        return np.asarray(rises).reshape((*rows.shape[:-1], *t.shape))
+            rises.append(modes.step_response(after, *channel))
+        return np.asarray(rises).reshape((*shape, *t.shape))
 
     def predicted_error(self, **values: float) -> float:
         """Relative error expected of one member, in R_th and in the step response from 1 ns on.
@@ -291,18 +300,18 @@ class Family:
 
         They are derivatives of the family itself: its basis stays fixed, its projected matrices are differentiated.
         """
-        a, b = self.channel(heated, read)
+        channel = self.channel(heated, read)
         row = self.box.row(values)
-        for doubt in self.doubts(row, (a, b)):
+        for doubt in self.doubts(row, channel):
             log.warning("%s", doubt)
-        modal = self.modal_derivative(row, (a, b))
+        modal = self.modal_derivative(row, channel)
         t = None if times is None else step_times(times)
         f = None if frequencies is None else checks.array("frequencies", frequencies)
         step = None if t is None else modal.step_response(t)
         impedance = None if f is None else modal.impedance(f)
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
-        return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
+        return data.assign_attrs(vars(self.named_channel(heated, read)))
 
     def doubts(self, row: Array, channel: tuple[int, int]) -> tuple[str, ...]:
         """Warnings about derivatives of one member, at parameters of shape (p,), that the basis may represent badly.
@@ -315,10 +324,8 @@ class Family:
         if a == b or not small.any():
             return ()
         names = ", ".join(itertools.compress(self.names, small))
-        text = f"derivatives by {names} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be"
-        return (
-            f"{text} wrong by a large factor where {self.ports[b]!r} is read: take thermofem.derivatives of a mesh",
-        )
+        text = f"derivatives by {names} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be wrong"
+        return (f"{text} by a large factor where {self.ports[b]!r} is read: take thermofem.derivatives of a mesh",)
 
     def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
         """One member in M-orthonormal modes, and derivatives of its matrices by central differences.
@@ -336,14 +343,13 @@ class Family:
         heating = []
         reading = []
         scale = np.where(contact, row, self.box.high - self.box.low)
-        for k, h in enumerate(DIFFERENCE_STEP * scale):
-            shift = np.zeros_like(row)
-            shift[k] = h
+        for shift in np.diag(DIFFERENCE_STEP * scale):
             up = self.members.member(row + shift)
             down = self.members.member(row - shift)
-            dK = (up.K - down.K) / (2 * h)
-            dM = (up.M - down.M) / (2 * h)
-            dports = (up.ports - down.ports) / (2 * h)
+            width = 2 * shift.sum()
+            dK = (up.K - down.K) / width
+            dM = (up.M - down.M) / width
+            dports = (up.ports - down.ports) / width
             in_modes = dports @ v
             K.append(v.T @ dK @ v)
             M.append(v.T @ dM @ v)
@@ -357,7 +363,8 @@ class Family:
         """Compare one member with the certified reduction on its own mesh."""
         row = self.box.row(values)
         modes = self.members.member(row).modes()
-        return certified(self.box.geometry(row), modes, self.ports, self.tolerance, len(self.inputs))
+        geometry = self.box.geometry(row)
+        return certified(geometry, modes, self.ports, self.tolerance, len(self.inputs))
 
     def save(self, path: str | Path) -> Path:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
@@ -366,16 +373,19 @@ class Family:
     def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
         R = modes.R(a, b)
         size = np.abs(R)
-        strong = (size > FAINT * size.sum()) & (modes.tau > 0)
-        ports = {"inputs": (self.ports[a],), "outputs": (self.ports[b],)}
-        return Foster(R=R[strong], tau=modes.tau[strong], **ports, origin=self._origin(self.ports[b]))
+        strong = size > FAINT * size.sum()
+        used = strong & (modes.tau > 0)
+        heated = self.ports[a]
+        read = self.ports[b]
+        return Foster(R=R[used], tau=modes.tau[used], inputs=(heated,), outputs=(read,), origin=self._origin(read))
 
     def _origin(self, read: str) -> dict[str, Any] | None:
         """Origin of a model read in ``read``: the mode whose temperature "light" is, and a warning of the training."""
-        own = self.box.base.light
-        mode = {MODE: own.mode, WAVELENGTH: own.wavelength} if read == LIGHT and own is not None else {}
-        warning = {name: text for name, text in self.provenance.items() if name == "warning"}
-        return {**mode, **warning} or None
+        origin = {name: text for name, text in self.provenance.items() if name == "warning"}
+        light = self.box.base.light
+        if read == LIGHT and light is not None:
+            origin |= {MODE: light.mode, WAVELENGTH: light.wavelength}
+        return origin or None
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,9 +422,8 @@ def load_family(path: str | Path) -> Family:
     def checked(fields: dict[str, Any]) -> Family:
         fields["error"] = HeldOut(**fields["error"])
         family = Family(**fields)
-        values = dict(zip(family.names, family.box.middle, strict=True))
         with np.errstate(all="ignore"):
-            middle = family.of_channel(family.named_channel(), values)
+            middle = family.of_member(family.box.middle)
         checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
         return family
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -49,21 +49,25 @@ def save(family: Family, path: str | Path) -> Path:
     if isinstance(members, LitMembers):
         arrays |= {f"light_{name}": values for name, values in vars(members.light).items()}
         members = members.members
-    if isinstance(members, AffineMembers):
-        words, fields = _affine_fields(members)
-    else:
-        words, fields = _moved_fields(members)
-    content |= words
-    arrays |= fields
+    fields = _affine_fields(members) if isinstance(members, AffineMembers) else _moved_fields(members)
+    content |= fields.words
+    arrays |= fields.arrays
     if maps is not None:
         content["output_maps"] = {"power": maps.power, "error": maps.error}
         arrays |= {"map_shares": maps.shares, "map_coefficients": maps.coefficients}
     if family.optics is not None:
         content["optics"], polynomials = family.optics.content()
         arrays |= polynomials
-    header = np.array(json.dumps(content))
-    whole = pack({"header": header, **arrays})
+    arrays["header"] = np.array(json.dumps(content))
+    whole = pack(arrays)
     return write_whole(path, lambda p: p.write_bytes(whole))
+
+
+class Fields(NamedTuple):
+    """JSON fields and arrays that store a part of a family."""
+
+    words: dict[str, Any]
+    arrays: dict[str, Any]
 
 
 def _variation(v: Variation) -> dict[str, Any]:
@@ -74,16 +78,16 @@ def _variation(v: Variation) -> dict[str, Any]:
     return fields
 
 
-def _moved_fields(members: MovedMeshMembers) -> tuple[dict[str, Any], dict[str, Any]]:
-    """JSON fields and arrays that store a family on moved meshes."""
+def _moved_fields(members: MovedMeshMembers) -> Fields:
+    """Fields of a family on moved meshes."""
     mesh = members.moved.mesh
     words = {"regions": mesh.region_names, "accuracy": members.moved.accuracy}
     arrays = {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region, "basis": members.basis}
-    return words, arrays
+    return Fields(words, arrays)
 
 
-def _affine_fields(members: AffineMembers) -> tuple[dict[str, Any], dict[str, Any]]:
-    """JSON fields and arrays that store an affine family; of symmetric matrices the upper triangles, row by row."""
+def _affine_fields(members: AffineMembers) -> Fields:
+    """Fields of an affine family; of symmetric matrices the upper triangles, row by row."""
     c = members.coefficients
     grid = c.grid
     upper = np.triu_indices(members.size)
@@ -99,7 +103,7 @@ def _affine_fields(members: AffineMembers) -> tuple[dict[str, Any], dict[str, An
         words["surface"] = {"series": points.series, "material": points.material}
         arrays["modes"] = c.surface.modes
         arrays |= {f"surface_{name}": getattr(points, name) for name in ARRAYS}
-    return words, arrays
+    return Fields(words, arrays)
 
 
 def read(path: str | Path, make: Callable[[dict[str, Any]], Family]) -> Family:
@@ -130,13 +134,12 @@ def _fields(content: dict[str, Any], a: dict[str, Any]) -> dict[str, Any]:
         raise ValueError("the output of the light and its weights do not fit")
     members: AffineMembers | MovedMeshMembers | LitMembers
     if content["engine"].startswith("affine"):
-        members = _lines(content, a, box)
+        members = _affine_members(content, a, box)
     else:
         mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
         moved = MovedMeshEngine(box, float(content["accuracy"]), mesh)
-        ports = tuple(dict.fromkeys((*inputs, *outputs)))
-        means = tuple(name for name in ports if name != LIGHT)
-        members = MovedMeshMembers(moved, a["basis"], means)
+        means = dict.fromkeys(name for name in (*inputs, *outputs) if name != LIGHT)
+        members = MovedMeshMembers(moved, a["basis"], tuple(means))
     if lit:
         port = LightPort(a["light_powers"], a["light_coefficients"], a["light_shifts"])
         terms = len(port.powers)
@@ -169,7 +172,8 @@ def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
         variations.append(Variation(**{**fields, **lists}))
     drawn = int(any(not v.values for v in variations))
     words = {**stored, "variations": tuple(variations), "read": tuple(stored["read"])}
-    box = Box(Campaign(**words, samples=drawn), a["low"], a["high"])
+    campaign = Campaign(**words, samples=drawn)
+    box = Box(campaign, a["low"], a["high"])
     for ends in (box.low, box.high):
         checks.shape("range", ends, (box.size,))
     if not np.all(box.low < box.high):
@@ -177,7 +181,7 @@ def _box(stored: dict[str, Any], a: dict[str, Array]) -> Box:
     return box
 
 
-def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
+def _affine_members(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
     r = Axis(a["r_base"], a["r_slope"])
     z = Axis(a["z_base"], a["z_slope"])
     grid = CellGrid(box, r, z, a["left"], a["lower"], content["owner"])

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -28,8 +28,8 @@ from scipy.stats import qmc
 
 from thermofem import Foster, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array, NDArray
-from thermofem.fem import HeatProblem
 
+from ..fitting.pole_projection import rms
 from ..reduction.nonlinear_reduction import output_map
 from .members import Solver
 from .parameter_box import Box
@@ -54,11 +54,12 @@ def interpolate_members(
     least = 2 * (p + 1) * (p + 2)
     checks.between("interpolate", count, least, 2000, hint=f"members; {p} parameters need {least} at least")
     digits = int(np.ceil(np.log2(count)))
-    u = qmc.Sobol(p, seed=np.random.default_rng(1)).random(2**digits)[:count]
+    sobol = qmc.Sobol(p, seed=np.random.default_rng(1))
+    u = sobol.random_base2(digits)[:count]
     low, high = span.T
     width = high - low
-    members = low[:, None] + u.T * width[:, None]
-    y = np.asarray(values(members), dtype=float)
+    members = low + u * width
+    y = np.asarray(values(members.T), dtype=float)
     if y.ndim > 1:
         raise checks.InputError("interpolate is for one number, and the quantity returns an array")
     missing = np.isnan(y).sum()
@@ -70,13 +71,13 @@ def interpolate_members(
     test = np.arange(count) % 5 == 0  # 5: one member of so many is held out
     scale = float(abs(y.mean())) or 1.0
     curve = smooth(u[~test], y[~test])
-    off = (curve(u[test]) - y[test]) / scale
+    misfit = curve(u[test]) - y[test]
 
     def interpolant(x: Array) -> Array:
         shares = (x.T - low) / np.where(width > 0, width, 1.0)
         return curve(shares)
 
-    return interpolant, float(np.sqrt(np.mean(off**2)))
+    return interpolant, rms(misfit / scale)
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
@@ -96,8 +97,8 @@ def total_degree(size: int, most: int) -> NDArray[np.intp]:
     degree = 1
     while degree < HIGHEST and comb(size + degree + 1, size) <= most:
         degree += 1
-    exponents = itertools.product(range(degree + 1), repeat=size)
-    return np.array([k for k in exponents if sum(k) <= degree])
+    degrees = itertools.product(range(degree + 1), repeat=size)
+    return np.array([exponents for exponents in degrees if sum(exponents) <= degree])
 
 
 def chebyshev(shares: Array, powers: NDArray[Any]) -> Array:
@@ -155,26 +156,8 @@ class OutputMaps:
         return OutputMap(linear, a, largest_rise=float(rise))
 
 
-class Engine(Protocol):
-    """What solves members on moved meshes: `AffineEngine`, `MovedMeshEngine` or `LitEngine`."""
-
-    @property
-    def box(self) -> Box:
-        """The box of parameters."""
-        ...
-
-    @property
-    def reference(self) -> HeatProblem:
-        """The heat problem in the middle of the box."""
-        ...
-
-    def heat(self, row: Array) -> HeatProblem:
-        """The heat problem of the member with parameters ``row``, shape (p,)."""
-        ...
-
-
 def interpolate_output_maps(
-    engine: Engine,
+    engine: Any,
     channel: tuple[str, str],
     power: float,
     member: Callable[[Array], Foster],
@@ -183,6 +166,7 @@ def interpolate_output_maps(
 ) -> OutputMaps:
     """Solve members with k(T), interpolate the coefficients of their output maps, and test them on other members.
 
+    engine [AffineEngine, MovedMeshEngine or LitEngine]
     channel [(str, str)]: heated and read.
     power [W]: the largest of interest.
     member: Foster network of the family at parameters of shape (p,).
@@ -194,16 +178,17 @@ def interpolate_output_maps(
         raise checks.InputError("power is for materials that depend on temperature, and none here does; leave it out")
     box = engine.box
     count = (box.size + 1) * (box.size + 2)
-    rows = np.vstack([box.middle[None], box.corners(2 * box.size), box.draw(count, seed + 77)])
+    rows = np.vstack([box.middle, box.corners(2 * box.size), box.draw(count, seed + 77)])
     # 256: corners of the box, among which the hottest member is looked for
     every = np.vstack([rows, box.corners(256)])
     hottest = max(every, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
     tests = np.vstack([box.draw(4, seed, unseen=True), hottest])  # 4 members, and the hottest one
     tasks = [(engine, row, channel, power) for row in rows]
-    coefficients = solver(coefficient_of, tasks, rows)
-    solved = [k for k, a in enumerate(coefficients) if a is not None]
+    # nan of a member that failed
+    coefficients = np.array(solver(coefficient_of, tasks, rows), dtype=float)
+    solved = np.isfinite(coefficients)
     shares = box.share(rows[solved])
-    maps = OutputMaps(power, shares, np.array([coefficients[k] for k in solved]), 0.0)
+    maps = OutputMaps(power, shares, coefficients[solved], 0.0)
     test_tasks = [(engine, row, channel, power) for row in tests]
     fine_members = solver(nonlinear_reference, test_tasks, tests)
     errors = []
@@ -214,18 +199,18 @@ def interpolate_output_maps(
     return replace(maps, error=max(errors))
 
 
-def coefficient_of(engine: Engine, row: Array, channel: tuple[str, str], power: float) -> float:
+def coefficient_of(engine: Any, row: Array, channel: tuple[str, str], power: float) -> float:
     """Coefficient of the output map of one member, in 1/K."""
     system: Any = engine.heat(row).model(*channel)  # nonlinear, as the geometry has laws of temperature
     unit = Foster(R=[system.linear.thermal_resistance], tau=[1e-6])  # the coefficient is static
     return output_map(system, power, linear=unit).coefficient
 
 
-def nonlinear_reference(engine: Engine, row: Array, channel: tuple[str, str], power: float) -> tuple[Array, Array]:
+def nonlinear_reference(engine: Any, row: Array, channel: tuple[str, str], power: float) -> tuple[Array, Array]:
     """Rises in K of the FEM with k(T): in the steady state at half and full power, shape (2,), and under a pulse."""
     heat = engine.heat(row)
     heated, read = channel
-    steady = np.array([heat.steady_rise(share * power, heated, read) for share in (0.5, 1.0)])
+    steady = np.array([heat.steady_rise(share * power, *channel) for share in (0.5, 1.0)])
     run = solve(heat, Pulse(power, PULSE), TIMES, heated=heated, read=read, rtol=1e-3)
     return steady, np.asarray(run.delta_T.values)
 
@@ -235,6 +220,6 @@ def deviation(model: OutputMap, truth: tuple[Array, Array], power: float) -> flo
     steady, rise = truth
     powers = power * np.array([0.5, 1.0])
     static = model.steady_rise(powers) / steady - 1
-    response = model.of(model.linear.response(Pulse(power, PULSE), TIMES))
-    pulse = (response - rise) / rise.max()
+    z = model.linear.response(Pulse(power, PULSE), TIMES)
+    pulse = (model.of(z) - rise) / rise.max()
     return float(np.abs([*static, *pulse]).max())

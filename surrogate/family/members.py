@@ -21,6 +21,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from thermofem import CrossSection, StateSpace, checks
+from thermofem.algebra.krylov import symmetric_part
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign.stored_tasks import Store, completed
 from thermofem.data.files import LARGEST_FILE, digest, digest_tree
@@ -100,14 +101,11 @@ def coarse_difference(small: MemberMatrices, heated: int) -> float:
     return difference(small.first(count).modes(), small.modes(), heated)
 
 
-HASH = "hash"  # name of the array that holds it
-
-
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
     """Archive of named arrays as bytes, with a hash of them."""
     memory = io.BytesIO()
-    named: dict[str, Any] = {**arrays, HASH: np.array(_hash(arrays))}
-    (np.savez_compressed if deflated else np.savez)(memory, **named)
+    save: Any = np.savez_compressed if deflated else np.savez
+    save(memory, **arrays, hash=np.array(_hash(arrays)))
     return memory.getvalue()
 
 
@@ -129,7 +127,7 @@ def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # of NumPy, zipfile, zlib or the reader of headers, whatever is damaged
         raise ValueError(str(error) or type(error).__name__) from None
-    if str(arrays.pop(HASH, None)) != _hash(arrays):
+    if str(arrays.pop("hash", None)) != _hash(arrays):
         raise ValueError("it was changed after it was written")
     return arrays
 
@@ -190,13 +188,13 @@ def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float)
     "light", the last of the ports, is left out where the problem has none.
     """
     d = heat.discretization
-    ports = tuple(name for name in ports if name in d.means or name != LIGHT)
-    columns = np.column_stack([d.means[name][d.free] for name in ports])
-    system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
+    names = tuple(name for name in ports if name in d.means or name != LIGHT)
+    means = np.array([d.means[name][d.free] for name in names])
+    system = StateSpace(E=d.E, A=-d.K, B=means.T, C=means, inputs=names, outputs=names)
     projected = project(system, max(REDUCTION * tolerance, 1e-7))
     rate = projected.projection.rate
-    scaled = projected.projection.ports / np.sqrt(rate)[:, None]
-    return MemberModes(1 / rate, scaled.T), projected
+    drives = projected.projection.ports.T
+    return MemberModes(1 / rate, drives / np.sqrt(rate)), projected
 
 
 def certified(
@@ -209,14 +207,14 @@ def certified(
     heat = fine_heat(geometry, tolerance)
     truth, projected = certified_modes(heat, ports, tolerance)
     rate = projected.projection.rate
-    beta = projected.projection.ports
+    drives = projected.projection.ports
     gain = projected.projection.gain.diagonal()
     names = ports[: gain.size]  # without "light" where the mesh has none
     a, b = projected.pairs
     bounds = projected.certificate.top / np.sqrt(gain[a] * gain[b])
     return Certified(
         heat=heat,
-        model=StateSpace(np.eye(rate.size), -np.diag(rate), beta, beta.T, inputs=names, outputs=names),
+        model=StateSpace(np.eye(rate.size), -np.diag(rate), drives, drives.T, inputs=names, outputs=names),
         thermal_resistance=float(truth.R().sum()),
         error=difference(modes, truth, heated),
         error_bound=float(bounds.max()),
@@ -246,18 +244,17 @@ def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: floa
     """Reduce a member on the reference mesh and compute its temperature fields at many shifts."""
     modes, projected = certified_modes(engine.heat(row), ports, tolerance)
     rate = projected.projection.rate  # (k,)
-    beta = projected.projection.ports  # (k, ports)
     slow = min(rate[0], FASTEST / 10)
-    count = int(SHIFTS_PER_DECADE * np.log10(FASTEST / slow))
-    shifts = np.geomspace(slow, FASTEST, count)
+    decades = np.log10(FASTEST / slow)
+    shifts = np.geomspace(slow, FASTEST, int(SHIFTS_PER_DECADE * decades))
     weights = []
-    for port in beta.T:
-        for s in (0.0, *shifts, *(1j * shifts)):
-            y = port / (rate + s)
-            size = np.sqrt(abs(port @ y))
-            weights.append(y.real / size)
+    for port in projected.projection.ports.T:
+        for shift in (0.0, *shifts, *(1j * shifts)):
+            y = port / (rate + shift)
+            y = y / np.sqrt(abs(port @ y))
+            weights.append(y.real)
             if np.iscomplexobj(y):
-                weights.append(y.imag / size)
+                weights.append(y.imag)
     W = np.array(weights).T  # modes by snapshots; energy of a mode is its rate
     root = np.sqrt(rate)[:, None]
     u, s, _ = np.linalg.svd(root * W, full_matrices=False)
@@ -276,15 +273,13 @@ def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
     """
     for _ in range(2):
         fields = fields - V @ (V.T @ (X @ fields))
-    gram = fields.T @ (X @ fields)
-    value, vector = np.linalg.eigh((gram + gram.T) / 2)
-    value = value[::-1]
-    round_off = 1e-13 * max(value[0], 1.0)
-    count = int((value > max(least, round_off)).sum())
-    if not count:
+    energies, directions = np.linalg.eigh(symmetric_part(fields.T @ (X @ fields)))
+    round_off = 1e-13 * max(energies[-1], 1.0)
+    strong = energies > max(least, round_off)
+    if not strong.any():
         return V
-    directions = vector[:, ::-1][:, :count]
-    new = fields @ (directions / np.sqrt(value[:count]))
+    scaled = directions[:, strong] / np.sqrt(energies[strong])
+    new = fields @ scaled[:, ::-1]  # the strongest first
     new = new - V @ (V.T @ (X @ new))
     lower = np.linalg.cholesky(new.T @ (X @ new))
     return np.hstack([V, np.linalg.solve(lower, new.T).T])
@@ -337,7 +332,8 @@ class Solver:
         solved = [None if raw is None else _member(raw) for raw in stored]
         reason = ""
         jobs = [(k, tasks[k]) for k, member in enumerate(solved) if member is None]
-        with contextlib.closing(self._results(partial(_of_job, function), jobs)) as results:
+        work = partial(_of_job, function)
+        with contextlib.closing(self._results(work, jobs)) as results:
             for done, (k, result) in enumerate(results):
                 if self.progress is not None:
                     self.progress(done, len(jobs), words)
@@ -367,17 +363,16 @@ def _of_job(function: Callable[..., Any], job: Job) -> Any:
     return function(*job[1])
 
 
-def _packed(found: Any) -> bytes:
+def _packed(solved: Any) -> bytes:
     """Archive of a solved member or of its modes alone."""
-    modes = found if isinstance(found, MemberModes) else found.modes
-    arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
-    if isinstance(found, Member):
-        arrays |= {"row": found.row, "fields": found.fields}
+    arrays = dict(vars(solved))
+    if isinstance(solved, Member):
+        arrays |= vars(arrays.pop("modes"))
     return pack(arrays, deflated=False)
 
 
 def _member(raw: bytes) -> Member | MemberModes:
     """The member, or the modes alone, that an archive of `_packed` holds."""
     arrays = unpack(raw)
-    modes = MemberModes(arrays["tau"], arrays["ports"])
-    return Member(arrays["row"], modes, arrays["fields"]) if "row" in arrays else modes
+    modes = MemberModes(arrays.pop("tau"), arrays.pop("ports"))
+    return Member(modes=modes, **arrays) if arrays else modes

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import assemble, checks
+from thermofem.algebra.krylov import symmetric_part
 from thermofem.arrays import Array
 from thermofem.fem import HeatProblem
 from thermofem.fem.assembly import on_mesh
@@ -90,7 +91,7 @@ def resistances_of(members: Any, rows: Array, heated: int, read: int) -> Array:
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:
     """Project a member, given by its heat problem, on the functions V, shape (unknowns, N)."""
     d = heat.discretization
-    K = V.T @ (d.K @ V)
-    M = V.T @ (d.E @ V)
-    means = np.array([d.means[name][d.free] @ V for name in ports])
-    return MemberMatrices((K + K.T) / 2, (M + M.T) / 2, means)
+    K = symmetric_part(V.T @ (d.K @ V))
+    M = symmetric_part(V.T @ (d.E @ V))
+    means = [d.means[name][d.free] @ V for name in ports]
+    return MemberMatrices(K, M, np.array(means))

@@ -9,10 +9,10 @@ V^T c_light(p) on the functions V of the family. Modes and couplers of members a
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections import Counter
 from dataclasses import dataclass, replace
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,13 +68,11 @@ class OpticalNumbers:
 
     def rows(self, shares: Array) -> Array:
         """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
-        values = chebyshev(shares, self.powers) @ self.coefficients
-        logarithmic = _logarithmic(self.names)
-        values[:, logarithmic] = np.exp(values[:, logarithmic])
-        column = self.names.index("radiated")
-        radiated = values[:, column]
-        values[:, column] = np.where(radiated > 2 * LEAST_RATE, radiated - LEAST_RATE, 0.0)
-        return np.asarray(values)
+        values = np.asarray(chebyshev(shares, self.powers) @ self.coefficients)
+        np.exp(values, out=values, where=_logarithmic(self.names))
+        radiated = values[:, self.names.index("radiated")]
+        radiated[:] = np.where(radiated > 2 * LEAST_RATE, radiated - LEAST_RATE, 0.0)
+        return values
 
     def moves(self, k: int) -> bool:
         """Whether any of the optical numbers depends on the k-th parameter.
@@ -85,8 +83,8 @@ class OpticalNumbers:
         ends = np.full((2, self.powers.shape[1]), 0.5)
         ends[:, k] = 0.0, 1.0
         low, high = self.rows(ends)
-        change = np.abs(high - low)
-        return bool((change > 1e-6 * np.abs(low)).any())
+        same = np.abs(high - low) <= 1e-6 * np.abs(low)
+        return not same.all()
 
     @property
     def error(self) -> dict[str, float]:
@@ -99,13 +97,13 @@ class OpticalNumbers:
         kappas = [errors.pop(name) for name in self.names if name.startswith("kappa")]
         worst = max(errors, key=lambda name: errors[name])
         couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
-        n_eff = f"{errors['n_eff']:.1e}"
-        return f"n_eff {n_eff}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
+        return f"n_eff {errors['n_eff']:.1e}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
 
     def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
         """JSON fields and arrays that store the polynomials in a family's file."""
-        arrays = {f"optics_{name}": getattr(self, name) for name in ("powers", "coefficients", "errors")}
-        return {"names": list(self.names), "solved": self.solved}, arrays
+        arrays = {"powers": self.powers, "coefficients": self.coefficients, "errors": self.errors}
+        words = {"names": list(self.names), "solved": self.solved}
+        return words, {f"optics_{name}": values for name, values in arrays.items()}
 
     @classmethod
     def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
@@ -140,7 +138,8 @@ class LightPort:
     def at(self, share: Array) -> Array:
         """Weights c/K, shape (n,), at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
         (terms,) = chebyshev(share[None], self.powers)
-        return np.asarray(terms @ self.coefficients / (terms @ self.shifts))
+        shift = terms @ self.shifts
+        return np.asarray(terms @ self.coefficients / shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,11 +179,11 @@ def two_outputs(
 
     ports: indices of the heated and of the read part and of the light among those of ``modes``.
     """
-    heated, *read = ports
+    part, *read = ports
     decays = modes.tau > 0
     rate = 1 / modes.tau[decays]
     scaled = modes.ports[:, decays] * np.sqrt(rate)
-    B = scaled[[heated]].T
+    B = scaled[part, :, None]
     outputs = (names[1], LIGHT)
     return StateSpace(np.eye(rate.size), -np.diag(rate), B, scaled[read], names[:1], outputs, origin=origin)
 
@@ -215,8 +214,8 @@ class LitMembers:
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        lit = len(self.member(self.box.middle).ports) - 1
-        if read == lit:
+        light = len(self.member(self.box.middle).ports) - 1
+        if read == light:
             return resistances_of(self, rows, heated, read)
         return self.members.resistances(rows, heated, read)
 
@@ -245,8 +244,8 @@ class LitEngine:
         """The heat problem of a member on the moved reference mesh, with "light" among its means."""
         heat = self.engine.heat(row)
         light = self.light.at(self.box.share(row))
-        means = {**heat.discretization.means, LIGHT: light}
-        return replace(heat, discretization=replace(heat.discretization, means=means))
+        dark = heat.discretization
+        return replace(heat, discretization=replace(dark, means={**dark.means, LIGHT: light}))
 
     def project(self, V: Array, ports: tuple[str, ...]) -> LitMembers:
         """Project the family on the functions V, shape (free unknowns, N); "light" is the last of the ports."""
@@ -278,39 +277,39 @@ def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solv
     """
     box = engine.box
     powers = total_degree(box.size, MOST_TERMS)
-    rows = np.vstack([box.middle[None], box.corners(16), box.draw(PER_TERM * len(powers), seed)])
+    rows = np.vstack([box.middle, box.corners(16), box.draw(PER_TERM * len(powers), seed)])
     every = np.vstack([rows, box.draw(LEFT_OUT, seed, unseen=True)])
     tasks = [(engine, row) for row in every]
     results = solver(light_of, tasks, every, words="light of members")
-    solved = [k for k, result in enumerate(results) if isinstance(result, MemberLight)]
-    members = [results[k] for k in solved]
+    solved = np.array([isinstance(result, MemberLight) for result in results])
+    members = list(itertools.compress(results, solved))
     hybrid = sum(member.hybrid for member in members)
     if hybrid:
         log.warning("optics: the mode of %d of %d members is hybrid: its name may hop", hybrid, len(every))
     _check_left_out(results)
     names = tuple(members[0].numbers)
-    table = np.array([itemgetter(*names)(member.numbers) for member in members])
-    values = table + LEAST_RATE * np.array([name == "radiated" for name in names])
-    logarithmic = _logarithmic(names)
-    values[:, logarithmic] = np.log(values[:, logarithmic])
+    table = np.array([list(member.numbers.values()) for member in members])
+    values = table.copy()
+    values[:, names.index("radiated")] += LEAST_RATE
+    np.log(values, out=values, where=_logarithmic(names))
     shares = box.share(every[solved])
-    learn = np.array(solved) < len(rows)
+    learn = np.flatnonzero(solved) < len(rows)
     columns: Array = chebyshev(shares[learn], powers)
-    coefficients: Any = np.linalg.lstsq(columns, values[learn], rcond=None)[0]
+    coefficients, *_ = np.linalg.lstsq(columns, values[learn], rcond=None)
     curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
     truth = table[~learn]
     off = np.abs(curve.rows(shares)[~learn] - truth)
     relative = off / np.maximum(np.abs(truth), 1e-300)
     errors = np.where(truth == 0, 0.0, relative).max(axis=0)
     weights = np.array([member.weights for member in members])
-    port: Any = np.linalg.lstsq(columns, weights[learn], rcond=None)[0]
+    port, *_ = np.linalg.lstsq(columns, weights[learn], rcond=None)
     return replace(curve, errors=errors), LightPort(powers, port, port.sum(axis=1))
 
 
 def _check_left_out(results: list[Any]) -> None:
     """Log how many members are no rings and why; InputError where they are more than a quarter."""
     reasons = Counter(result for result in results if isinstance(result, str))
-    missing = sum(not isinstance(result, MemberLight) for result in results)
+    missing = sum(not isinstance(result, MemberLight) for result in results)  # None of one that failed
     if not missing:
         return
     words = "; ".join(f"{many} said: {reason}" for reason, many in reasons.most_common(FIRST_REASONS))
@@ -327,8 +326,9 @@ def light_of(engine: AffineEngine | MovedMeshEngine, row: Array) -> MemberLight 
         heat = assemble_like(engine.box.base.to_toml(), geometry, ACCURACY)
         mode = Light.of(heat).mode()
         by_name = numbers(mode)
-        if geometry.light is not None and geometry.light.loss is not None:
-            by_name["loss"] = geometry.light.loss
+        guide: Any = geometry.light  # which `Light.of` found
+        if guide.loss is not None:
+            by_name["loss"] = guide.loss
         for k, bus in enumerate(of_buses(mode, geometry.buses)):
             by_name[f"kappa {k}"] = bus.power
         by_name["radiated"] = mode.radiation_rate + mode.leak_rate

@@ -56,10 +56,13 @@ class Box:
         """Which parameters training draws evenly in their logarithm, shape (p,)."""
         return np.array([v.logarithmic for v in self.campaign.variations])
 
+    def named(self, row: Array) -> dict[str, float]:
+        """The parameters ``row`` of one member, shape (p,), by name."""
+        return dict(zip(self.names, row.tolist(), strict=True))
+
     def words(self, row: Array) -> str:
         """Text "name = value, ..." of the parameters ``row`` of one member."""
-        pairs = zip(self.names, row, strict=True)
-        return ", ".join(f"{name} = {value:g}" for name, value in pairs)
+        return ", ".join(f"{name} = {value:g}" for name, value in self.named(row).items())
 
     @property
     def size(self) -> int:
@@ -74,7 +77,8 @@ class Box:
     @cached_property
     def contact(self) -> NDArray[np.bool_]:
         """Which parameters are contact resistances, shape (p,)."""
-        return np.array([_has_contact(v) for v in self.campaign.variations])
+        contacts = [any(path.startswith("interface.") for path in v.paths) for v in self.campaign.variations]
+        return np.array(contacts)
 
     @cached_property
     def middle(self) -> Array:
@@ -85,8 +89,9 @@ class Box:
         perfect = np.where(self.contact, np.minimum(PERFECT, self.high), self.low)
         low = np.maximum(self.low, perfect)
         positive = low > 0
-        product = np.sqrt(np.where(positive, low * self.high, 0.0))
-        return np.where(positive, product, (self.low + self.high) / 2)
+        product = np.where(positive, low * self.high, 0.0)
+        mean = (self.low + self.high) / 2
+        return np.where(positive, np.sqrt(product), mean)
 
     @cached_property
     def nominal(self) -> dict[str, float]:
@@ -95,9 +100,8 @@ class Box:
         values = np.array([change(section, v.paths).value for v in self.campaign.variations])
         slack = 1e-9 * (self.high - self.low)
         row = np.clip(values, self.low, self.high)
-        if np.any(np.abs(values - row) > slack):
-            row = self.middle
-        return dict(zip(self.names, row.tolist(), strict=True))
+        outside = np.any(np.abs(values - row) > slack)
+        return self.named(self.middle if outside else row)
 
     def _spacing(self, x: Array) -> Array:
         """The quantity that training spaces evenly: a parameter, or its logarithm."""
@@ -133,7 +137,8 @@ class Box:
         seed += APART * unseen
         sobol = qmc.Sobol(self.size, seed=np.random.default_rng(seed))
         bits = int(np.ceil(np.log2(count)))
-        return self.at(sobol.random_base2(bits)[:count])
+        shares = sobol.random_base2(bits)
+        return self.at(shares[:count])
 
     def corners(self, most: int = 64) -> Array:  # 64: corners of the box whose geometry is made and checked
         """Corners of the box, all of them or ``most`` different ones drawn at random, shape (n, p)."""
@@ -146,7 +151,8 @@ class Box:
 
     def geometry(self, values: Array) -> CrossSection:
         """The cross-section with the parameters ``values`` in SI, shape (p,)."""
-        text = self.campaign.geometry_of(tuple(float(x) for x in values))
+        numbers = tuple(float(x) for x in values)
+        text = self.campaign.geometry_of(numbers)
         return CrossSection.from_toml_text(text)
 
     @cached_property
@@ -195,11 +201,12 @@ class Box:
         base = self.base
         count = len(rows)
         varied: dict[str, Array] = {}  # numbers of materials, by "NAME.PROPERTY"
-        resistance = {f"interface.{part}": np.full(count, R) for part, R in resistances(base).items()}
+        stated = {f"interface.{part}": R for part, R in resistances(base).items()}
         for side in ("bottom", "top", "outer"):
             h = getattr(base, side).exchange
             if h:
-                resistance[f"boundary.{side}"] = np.full(count, 1 / h)
+                stated[f"boundary.{side}"] = 1 / h
+        resistance = {name: np.full(count, R) for name, R in stated.items()}
         ambient = np.full(count, base.ambient)
         for column, middle, variation in zip(rows.T, self.middle, self.campaign.variations, strict=True):
             for path in variation.paths:
@@ -223,18 +230,12 @@ class Box:
         return Properties(k_r, k_z, capacity, resistance)
 
 
-def _has_contact(v: Variation) -> bool:
-    return any(path.startswith("interface.") for path in v.paths)
-
-
 def _range(v: Variation) -> tuple[float, float]:
     """Both ends of the range of a parameter; InputError for words or a single value."""
     words = any(isinstance(value, str) for value in v.values)
-    values = [v.low, v.high]
-    if v.values:
-        values = [0.0] if words else [float(value) for value in v.values]
-    low = min(values)
-    high = max(values)
+    values = [0.0] if words else v.values or (v.low, v.high)
+    low = float(min(values))
+    high = float(max(values))
     if low >= high:
         listed = ", ".join(map(str, v.values))
         raise checks.InputError(
@@ -268,7 +269,8 @@ def _material(material: Material, varied: dict[str, Array], T0: Array) -> tuple[
             return np.asarray(law.factor(T0))
         exponent = varied.get(f"{kind}.exponent", law.exponent)
         reference = varied.get(f"{kind}.reference", law.reference)
-        return np.asarray((T0 / reference) ** exponent)
+        ratio = T0 / reference
+        return np.asarray(ratio**exponent)
 
     def number(kind: str) -> Array | float:
         for name in (kind, f"{kind}.value", f"{kind}.r"):

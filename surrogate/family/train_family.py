@@ -5,6 +5,7 @@ batch is predicted before it is added, so its error is a fair test of the functi
 """
 
 import contextlib
+import itertools
 import json
 import logging
 import time
@@ -45,11 +46,11 @@ from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
-SHARE_OF_BASIS = (
-    0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
-)
-KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
-LEAST = 0.5, 0.1, 0.01  # the same in the end: the first that holds all members; with more than 0.5 corners are missed
+SHARE_OF_BASIS = 0.4  # of the tolerance, for what the functions leave on the reference mesh; the rest is the mesh's
+# Energy of the weakest direction over the tolerance: of one that a batch adds; and in the end, the first of these that
+# holds all members. With more than 0.5 corners are missed.
+WEAKEST = 0.01
+WEAKEST_IN_THE_END = 0.5, 0.1, WEAKEST
 BATCH = 6
 MOST_BATCHES = 60
 CORNERS = 16  # of the box, where tables of k(T) and c_p(T) may be left
@@ -90,11 +91,12 @@ class Trainer:
             if errors and max(errors) <= SHARE_OF_BASIS * self.tolerance:
                 break
             fields = np.hstack([member.fields for member in new])
-            self.V = extend_basis(self.V, self.X, fields, KEPT * self.tolerance)
+            self.V = extend_basis(self.V, self.X, fields, WEAKEST * self.tolerance)
             rows = self.box.draw(BATCH, self.seed + 1 + number)
         fields = np.hstack([member.fields for member in self.members])  # at once: fewer functions than batch by batch
-        for least in LEAST:
-            basis = extend_basis(self.V[:, :0], self.X, fields, least * self.tolerance)
+        nothing = self.V[:, :0]
+        for weakest in WEAKEST_IN_THE_END:
+            basis = extend_basis(nothing, self.X, fields, weakest * self.tolerance)
             projection: Members = self.engine.project(basis, self.ports)
             if self._holds(projection):
                 break
@@ -119,7 +121,8 @@ class Trainer:
     def _first(self) -> Array:
         """Parameters of the first batch, shape (n, p): the middle of the box, some corners and random points."""
         corners = self.box.corners(2 * BATCH)
-        return np.vstack([self.box.middle[None], corners, self.box.draw(BATCH, self.seed)])
+        random = self.box.draw(BATCH, self.seed)
+        return np.vstack([self.box.middle, corners, random])
 
 
 NO_EFFECT = 1e-9  # relative change of a response over the range of a parameter that does nothing
@@ -173,9 +176,8 @@ def train_family(
         a campaign that varies nothing or words; ranges that contradict each other; a mesh that cannot follow.
     """
     started = time.perf_counter()
-    tolerance = checks.between(
-        "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
-    )
+    hint = "it is the wanted relative error of every member"
+    tolerance = checks.between("tolerance", tolerance, 1e-4, 0.05, hint=hint)
     held_out = checks.integer("held_out", held_out, 1, 1000)
     seed = checks.seed(seed)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
@@ -213,10 +215,7 @@ def train_family(
     )
     if power is not None:
         channel = family.named_channel()
-
-        def linear(row: Array) -> Any:
-            return family.of_channel(channel, dict(zip(box.names, row, strict=True)))
-
+        linear: Any = family.of_member
         maps = interpolate_output_maps(engine, (channel.heated, channel.read), power, linear, seed, passing)
         family = replace(family, output_maps=maps)
     elif engine.reference.nonlinear:
@@ -225,16 +224,9 @@ def train_family(
         if optics is None or not optics.moves(box.names.index(name)):
             log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if family.error > tolerance:
-        log.warning(
-            "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
-            "or ask for a smaller tolerance",
-            family.error,
-            tolerance,
-        )
-    beyond = _beyond_laws(family)
-    if beyond:
-        log.warning(beyond)
-    provenance = {
+        text = f"the family errs by up to {family.error:.1e} on members it has not seen, more than tolerance = "
+        log.warning("%s%g; take smaller ranges or ask for a smaller tolerance", text, tolerance)
+    provenance: dict[str, Any] = {
         "method": f"reduced basis, {members.engine}",
         "version": version,
         "campaign": box.campaign.name,
@@ -243,7 +235,11 @@ def train_family(
         "seconds": round(time.perf_counter() - started, 3),
         "unknowns": engine.reference.unknowns,
     }
-    return replace(family, provenance=provenance | ({"warning": beyond} if beyond else {}))
+    beyond = _beyond_laws(family)
+    if beyond:
+        log.warning(beyond)
+        provenance["warning"] = beyond
+    return replace(family, provenance=provenance)
 
 
 def _beyond_laws(family: Family) -> str:
@@ -252,7 +248,7 @@ def _beyond_laws(family: Family) -> str:
     for row in (box.middle, *box.corners(CORNERS)):
         rise = 0.0
         if family.output_maps is not None:
-            hot: Any = family.of_channel(family.named_channel(), dict(zip(box.names, row, strict=True)))
+            hot: Any = family.of_member(row)
             rise = hot.largest_rise
         if text := box.geometry(row).beyond_laws(rise):
             return text
@@ -269,8 +265,8 @@ def _held_out(
     rows = box.draw(count, seed, unseen=True)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
     modes = solver(fine_member, tasks, rows, words="held-out members")
-    solved = [k for k, of_member in enumerate(modes) if of_member is not None]
-    return rows[solved], [modes[k] for k in solved]
+    solved = [of_member is not None for of_member in modes]
+    return rows[solved], list(itertools.compress(modes, solved))
 
 
 class Errors(NamedTuple):
@@ -304,12 +300,13 @@ def _without_effect(box: Box, members: Members, heated: int) -> list[str]:
     """Names of parameters whose whole range changes every response by less than `NO_EFFECT`, relative."""
     names = []
     for k, name in enumerate(box.names):
-        low = box.middle.copy()
-        high = box.middle.copy()
-        low[k] = box.low[k]
-        high[k] = box.high[k]
-        change = difference(members.member(low).modes(), members.member(high).modes(), heated)
-        if change < NO_EFFECT:
+        ends = []
+        for end in (box.low, box.high):
+            row = box.middle.copy()
+            row[k] = end[k]
+            ends.append(members.member(row).modes())
+        low, high = ends
+        if difference(low, high, heated) < NO_EFFECT:
             names.append(name)
     return names
 
@@ -333,8 +330,8 @@ def read_campaign(path: str | Path) -> Campaign:
 def campaign_hash(campaign: Campaign) -> str:
     """Sixteen hexadecimal digits of geometry and variations."""
     variations = [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]
-    content = json.dumps([campaign.geometry, variations])
-    return digest(content.encode())[:16]
+    content = json.dumps([campaign.geometry, variations]).encode()
+    return digest(content)[:16]
 
 
 def _engine(
