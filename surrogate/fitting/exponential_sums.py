@@ -21,8 +21,8 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data import quantity
 
 from .fit import Fit, Training
-from .fit_result import cancelling, check_explained, unseen_times
-from .pole_projection import covariance, rms
+from .fit_result import cancelling, check_explained, pole_parameters, unseen_times
+from .pole_projection import covariance, deviations, rms
 
 TAU_GRID = 12  # time constants on a grid, any of which are tried together
 BEST = 3  # combinations of them that begin a search
@@ -86,34 +86,40 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     y = y / size  # SciPy's tolerance of the gradient is absolute
     # 0.99 of the largest rise: what does not end below is no cooling curve
     checks.between("the last over the largest rise", abs(y[-1]), 0, 0.99, hint="a cooling curve falls")
-
-    def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
-        columns = np.exp(-t[few, None] / np.exp(log_tau))
-        amplitude, *_ = np.linalg.lstsq(columns, y[few], rcond=None)
-        return y[few] - columns @ amplitude
-
-    few = slice(None, None, max(1, t.size // 200))  # 200 samples by which they are compared
     # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
-    from_first = abs(float(t[0])) / 100.0
-    closest = float(np.diff(t).min()) / FASTER
+    from_first = abs(t[0]) / 100.0
+    closest = np.diff(t).min() / FASTER
     low = np.log(max(closest, from_first, np.finfo(float).tiny))
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, TAU_GRID + 2)[1:-1]
+    stride = max(1, t.size // 200)  # 200 samples by which the starts are compared
 
     def square(log_tau: Sequence[float]) -> float:
-        return float(np.sum(misfit(np.array(log_tau), few) ** 2))
+        _, residuals = _amplitudes(t[::stride], y[::stride], np.array(log_tau))
+        return float(np.sum(residuals**2))
+
+    def misfit(log_tau: Array) -> Array:
+        _, residuals = _amplitudes(t, y, log_tau)
+        return residuals
 
     starts = sorted(combinations(grid, order), key=square)
     exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
     ends = [least_squares(misfit, start, **exactly) for start in starts[:BEST]]
     best = min(ends, key=lambda end: float(end.cost))
-    tau = np.exp(np.sort(best.x))
-    columns = np.exp(-t[:, None] / tau)
-    amplitude, *_ = np.linalg.lstsq(columns, y, rcond=None)
-    residuals = y - columns @ amplitude
-    check_explained(float(np.mean(residuals**2)), float(np.var(y)), f"a sum of {order} exponentials", "rise")
+    log_tau = np.sort(best.x)
+    amplitude, residuals = _amplitudes(t, y, log_tau)
+    tau = np.exp(log_tau)
+    misfit_of_all = rms(residuals)
+    check_explained(misfit_of_all, float(np.std(y)), f"a sum of {order} exponentials", "rise")
     notes = _notes(t, tau, amplitude, residuals, size)
-    return Decay(size * amplitude, tau, size * rms(residuals), notes)
+    return Decay(size * amplitude, tau, size * misfit_of_all, notes)
+
+
+def _amplitudes(t: Array, y: Array, log_tau: Array) -> tuple[Array, Array]:
+    """Best amplitudes of exponentials with the time constants exp(``log_tau``), and the residuals of the rise y."""
+    columns: Any = np.exp(-t[:, None] / np.exp(log_tau))
+    amplitude, *_ = np.linalg.lstsq(columns, y, rcond=None)
+    return amplitude, y - columns @ amplitude
 
 
 def _notes(t: Array, tau: Array, amplitude: Array, residuals: Array, size: float) -> tuple[str, ...]:
@@ -125,9 +131,9 @@ def _notes(t: Array, tau: Array, amplitude: Array, residuals: Array, size: float
     columns = np.exp(decays)
     jacobian = np.hstack([decays * columns * amplitude, columns])
     freedom = max(t.size - 2 * tau.size, 1)
-    of_all = covariance(jacobian, [residuals], float(residuals @ residuals) / freedom)
-    variance = of_all.diagonal()[: tau.size]
-    deviation = np.sqrt(np.maximum(variance, 0))
+    square = float(residuals @ residuals)
+    spread = covariance(jacobian, [residuals], square / freedom)
+    deviation = deviations(spread)[: tau.size]
     span = float(np.diff(t).min()), float(np.ptp(t))
     unseen = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
     return (*unseen, *cancelling(amplitude * size, "K"))
@@ -176,18 +182,18 @@ def fit_spectrum(
     tau = np.geomspace(low, high, steps + 1)
     phi = problem.columns(-np.log(tau))
     gain = problem.gains(phi)
-    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    misfit = problem.misfit(phi, gain)
     training.check(gain, rms(misfit))
     R = gain * tau
     tau = tau[gain > 0]
     R = R[gain > 0]
     if R_th is not None:
         R = R * R_th / R.sum()
-    parameters = {f"R_{i}": value for i, value in enumerate(R.tolist(), 1)}
-    parameters |= {f"tau_{i}": value for i, value in enumerate(tau.tolist(), 1)}
+    model = Foster(R=R, tau=tau, **training.parts)
+    parameters = pole_parameters(model)
     count = len(parameters)
     return Fit(
-        model=Foster(R=R, tau=tau, **training.parts),
+        model=model,
         parameters=parameters,
         standard_errors=dict.fromkeys(parameters, float("nan")),
         correlations=np.full((count, count), np.nan),
@@ -202,7 +208,7 @@ def fit_spectrum(
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
     """A sentence where much of the thermal resistance lies in poles that data of length ``longest`` s cannot show."""
     slow = SLOW * longest
-    share = float(R[tau > slow].sum() / R.sum())
+    share = R[tau > slow].sum() / R.sum()
     if share <= BEYOND:
         return []
     return [

@@ -8,7 +8,7 @@ followed by least squares every time.
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -29,9 +29,19 @@ from thermofem.models.foster import (
 )
 from thermofem.ring_temperature import CORE
 
-from .fit_result import OUTSIDE, UNSEEN, Fit, check_explained, common, model_notes, undetermined
+from .fit_result import (
+    OUTSIDE,
+    UNSEEN,
+    Fit,
+    check_explained,
+    common,
+    lowers_only_noise,
+    model_notes,
+    pole_parameters,
+    undetermined,
+)
 from .optical_fit import fit_optical
-from .pole_projection import FitProblem, Optimum, optimum, polish, rms
+from .pole_projection import FitProblem, Optimum, correlations, deviations, optimum, polish, rms
 
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
@@ -69,11 +79,12 @@ def fit_newton(
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data)
     best = training.search(1, method)
-    rate = np.exp(best.log_rate[0])
-    gain = best.gain[0]
-    parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
-    jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
-    model = replace(newton(tau_th=1 / rate, heat_capacity=1 / gain), **training.parts)
+    tau = 1 / np.exp(best.log_rate[0])
+    capacity = 1 / best.gain[0]
+    ratio = capacity / heat_capacity
+    parameters = {"tau_th": tau, "heat_capacity": capacity, "heat_capacity_ratio": ratio}
+    jacobian = np.array([[-tau, 0], [0, -(capacity**2)], [0, -capacity * ratio]])  # by (log rate, gain)
+    model = replace(newton(tau_th=tau, heat_capacity=capacity), **training.parts)
     return training.fit(model, parameters, jacobian, best)
 
 
@@ -197,12 +208,8 @@ def fit_foster(
     tau = 1 / rate
     jacobian = np.block([[-np.diag(R), np.diag(tau)], [-np.diag(tau), np.zeros((n, n))]])
     rows = np.append(fastest_first, n + fastest_first)
-    R = R[fastest_first]
-    tau = tau[fastest_first]
-    parameters = {f"R_{k}": value for k, value in enumerate(R.tolist(), 1)}
-    parameters |= {f"tau_{k}": value for k, value in enumerate(tau.tolist(), 1)}
-    model = Foster(R=R, tau=tau, **training.parts)
-    return training.fit(model, parameters, jacobian[rows], best)
+    model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
+    return training.fit(model, pole_parameters(model), jacobian[rows], best)
 
 
 def _smallest_order(training: Training) -> int:
@@ -220,8 +227,7 @@ def _smallest_order(training: Training) -> int:
         beyond = tau.max() > OUTSIDE * longest or tau.min() < shortest / OUTSIDE
         unseen = np.any(best.gain == 0) or best.deviation.max() > UNSEEN
         misfit = max(best.relative_residual, LEAST_MISFIT)
-        n = max(best.independent, math.e)
-        noise = n * np.log(before / misfit) < np.log(n)
+        noise = lowers_only_noise(before, misfit, best.independent)
         if order > 1 and (beyond or unseen or noise):
             return order - 1
         if misfit == LEAST_MISFIT:
@@ -301,7 +307,8 @@ class Training:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Sentences on doubtful data."""
-        return tuple(dict.fromkeys(doubt for r in self.problem.responses for doubt in r.doubts))
+        doubts = itertools.chain(*(response.doubts for response in self.problem.responses))
+        return tuple(dict.fromkeys(doubts))
 
     def search(self, order: int, method: str) -> Optimum:
         """Find the best poles, from starts on a grid or from the best particle of the swarm."""
@@ -317,22 +324,21 @@ class Training:
         """Raise InputError if no pole heats, or if the best poles explain too little of the data."""
         if not np.any(gain > 0):
             raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
-        spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses])
-        variance = float(np.mean(spread**2))
-        check_explained(relative_residual**2, variance, "the power", "delta_T")
+        spread = [(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses]
+        deviation = rms(np.concatenate(spread))
+        check_explained(relative_residual, deviation, "the power", "delta_T")
 
     def fit(self, model: Foster, parameters: Mapping[str, float], jacobian: Array, best: Optimum) -> Fit:
         """Make the Fit: named parameters, with standard errors and correlations by first-order propagation."""
-        covariance = jacobian @ best.covariance @ jacobian.T
-        deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
-        safe = np.maximum(deviation, np.finfo(float).tiny)
-        deviation = np.where(undetermined(best, self.problem.span, jacobian), np.inf, deviation)
+        spread = jacobian @ best.covariance @ jacobian.T
+        unknown = undetermined(best, self.problem.span, jacobian)
+        errors = np.where(unknown, np.inf, deviations(spread))
         notes = model_notes(model, best, self.problem)
         return Fit(
             model=model,
             parameters={name: float(value) for name, value in parameters.items()},
-            standard_errors=dict(zip(parameters, deviation.tolist(), strict=True)),
-            correlations=covariance / np.outer(safe, safe),
+            standard_errors=dict(zip(parameters, errors.tolist(), strict=True)),
+            correlations=correlations(spread),
             residual=best.residual,
             relative_residual=best.relative_residual,
             training=self.names,
@@ -357,21 +363,23 @@ def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     shortest, longest = problem.span
     slopes = []
     for d in problem.responses:
-        power = float(d.wave.mean(0.0, float(d.times[-1])))
+        power = d.wave.mean(0.0, float(d.times[-1]))
         slopes.append(d.rise.max() / max(power, 1e-300))
     slope = max(slopes)
-    low = np.log(np.repeat([1 / longest, 1e-2 * slope], order))
-    high = np.log(np.repeat([1 / shortest, 1e1 * slope], order))
+    low = np.repeat([1 / longest, 1e-2 * slope], order)
+    high = np.repeat([1 / shortest, 1e1 * slope], order)
 
     def misfit(particle: Array) -> Array:
         """Residuals of a particle (ln of the rates, then ln of R_i = g_i/lambda_i)."""
         log_rate, log_R = np.split(particle, 2)
-        model = problem.columns(log_rate) @ np.exp(log_R + log_rate)
-        return np.asarray(problem.target - model)[: problem.weight.size]
+        phi = problem.columns(log_rate)
+        return problem.misfit(phi, np.exp(log_R + log_rate))
 
     def square(particle: Array) -> float:
-        return float(np.sum(misfit(particle) ** 2))
+        residuals = misfit(particle)
+        return float(np.sum(residuals**2))
 
-    search = FunctionalProblem(2 * order, square, xl=low, xu=high)
+    search = FunctionalProblem(2 * order, square, xl=np.log(low), xu=np.log(high))
     best = minimize(search, PSO(pop_size=20), ("n_gen", 10), seed=1).X
-    return best[:order], rms(misfit(best) / problem.weight)
+    residuals = misfit(best) / problem.weight
+    return best[:order], rms(residuals)

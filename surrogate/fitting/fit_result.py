@@ -1,5 +1,6 @@
 """The result of a fit: parameters, errors, how well the model describes its data, and notes on what is doubtful."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -106,32 +107,47 @@ def common(values: Sequence[Any]) -> Any:
     return first if alike else None
 
 
-def check_explained(square: float, variance: float, by: str, of: str) -> None:
-    """Raise InputError if the mean ``square`` of the residuals is most of the variance of the data."""
-    explained = 1 - square / variance if variance else 1.0
+def pole_parameters(model: Foster) -> dict[str, float]:
+    """Resistances ``R_1``.. (K/W) and time constants ``tau_1``.. (s) of a network by name."""
+    parameters = {}
+    for name, values in (("R", model.R), ("tau", model.tau)):
+        for k, value in enumerate(np.asarray(values).tolist(), 1):
+            parameters[f"{name}_{k}"] = value
+    return parameters
+
+
+def lowers_only_noise(before: float, after: float, samples: float) -> bool:
+    """Whether one more pole lowers the misfit of n independent samples so little that it fits noise.
+
+    n ln(before^2/after^2) < 2 ln(n)        (Bayesian information criterion, two parameters a pole)
+    """
+    n = max(samples, math.e)
+    return bool(n * np.log(before / after) < np.log(n))
+
+
+def check_explained(misfit: float, deviation: float, by: str, of: str) -> None:
+    """Raise InputError if the rms ``misfit`` is most of the standard deviation of the data."""
+    left = misfit**2 / deviation**2 if deviation else 0.0  # share of the variance
+    explained = max(1 - left, 0)
     if explained < EXPLAINED:
-        share = max(explained, 0)
         raise checks.InputError(
-            f"{by} explains {share:.0%} of the variation of {of}: it is noise, or they are not of one run"
+            f"{by} explains {explained:.0%} of the variation of {of}: it is noise, or they are not of one run"
         )
 
 
-def model_notes(model: Foster, found: Optimum, problem: FitProblem) -> tuple[str, ...]:
+def model_notes(model: Foster, optimum: Optimum, problem: FitProblem) -> tuple[str, ...]:
     """Sentences on what is doubtful in the model that was found."""
     stated = common([r.thermal_resistance for r in problem.responses])
-    return (
-        *starts(found),
-        *offsets(found, problem.responses),
-        *unseen_times(found.log_rate, found.gain, found.deviation, problem.span),
-        *cancelling(model.R),
-        *other_gain(model, stated),
-    )
+    notes = starts(optimum) + offsets(optimum, problem.responses)
+    notes += unseen_times(optimum.log_rate, optimum.gain, optimum.deviation, problem.span)
+    notes += cancelling(model.R)
+    return (*notes, *other_gain(model, stated))
 
 
-def starts(found: Optimum) -> list[str]:
+def starts(optimum: Optimum) -> list[str]:
     """Sentences on the start of the heating of measured traces where it was fitted with the poles."""
     notes = []
-    for shift, error in zip(found.shift, found.shift_error, strict=True):
+    for shift, error in zip(optimum.shift, optimum.shift_error, strict=True):
         size = quantity.rounded(abs(shift), "s", 2)
         side = "later" if shift > 0 else "earlier"
         if error == np.inf:
@@ -142,10 +158,10 @@ def starts(found: Optimum) -> list[str]:
     return notes
 
 
-def offsets(found: Optimum, responses: Sequence[Response]) -> list[str]:
+def offsets(optimum: Optimum, responses: Sequence[Response]) -> list[str]:
     """Sentences on baselines that were fitted with the poles, because no rows at rest show them."""
     notes = []
-    for offset, error, response in zip(found.offset, found.offset_error, responses, strict=True):
+    for offset, error, response in zip(optimum.offset, optimum.offset_error, responses, strict=True):
         if response.rest_rows < FEW:
             size = f"{offset:.3g} +- {error:.2g} K"
             notes.append(f"the offset of the rows is fitted with the poles: {size} beside what was subtracted")
@@ -168,8 +184,8 @@ def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
 
     shares [shape (n,), unit]: R of every pole, or its amplitude.
     """
-    largest = float(np.abs(shares).max())
-    total = abs(float(np.sum(shares)))
+    largest = np.abs(shares).max()
+    total = abs(np.sum(shares))
     if largest <= 100.0 * total:  # 100.0: R of a pole over R_th from which poles of opposite sign count as one
         return []
     return [
@@ -178,22 +194,23 @@ def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
     ]
 
 
-def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> NDArray[np.bool_]:
+def undetermined(optimum: Optimum, span: tuple[float, float], jacobian: Array) -> NDArray[np.bool_]:
     """Which parameters depend on an extrapolated time constant, so that no linear theory gives their error.
 
     A pole slower than the data is seen by its gain, a faster one by its R = gain/rate: those alone keep an error.
     jacobian [shape (parameters, 2n)]: derivatives of the parameters with respect to (log_rate, gain).
     """
     shortest, longest = span
-    tau = np.exp(-found.log_rate)
+    tau = np.exp(-optimum.log_rate)
     slow = tau > OUTSIDE * longest
     fast = tau < shortest / OUTSIDE
-    by_gain = np.diag(np.where(fast, found.gain, 0.0))
-    extrapolated = (slow | fast) & (found.gain != 0)
+    by_gain = np.diag(np.where(fast, optimum.gain, 0.0))
+    extrapolated = (slow | fast) & (optimum.gain != 0)
     along = np.vstack([np.eye(tau.size), by_gain])[:, extrapolated]
     change = np.abs(jacobian @ along)
     scale = np.abs(jacobian) @ np.abs(along)
-    return np.asarray((change > 1e-9 * scale).any(axis=1))
+    moved = change > 1e-9 * scale
+    return np.asarray(moved.any(axis=1))
 
 
 def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[float, float]) -> list[str]:
@@ -207,13 +224,14 @@ def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[floa
         tau = np.exp(-rates[k])
         text = f"tau = {quantity.rounded(tau, 's')}"
         error = deviations[k]
+        length = quantity.rounded(longest, "s")
         if gains[k] == 0:
             notes.append(f"{text} is one pole too many: its best gain is zero")
         elif error > UNSEEN:
             size = f": its standard error is a factor of {np.exp(error):.2g}" if error < KNOWN else ""
             notes.append(f"the data do not determine {text}{size}")
         elif tau > OUTSIDE * longest:
-            notes.append(f"{text} is an extrapolation: the data last {quantity.rounded(longest, 's')}")
+            notes.append(f"{text} is an extrapolation: the data last {length}")
         elif tau < shortest / OUTSIDE:
             begin = quantity.rounded(shortest, "s")
             notes.append(f"{text} is an extrapolation: the data begin to show times at {begin}")

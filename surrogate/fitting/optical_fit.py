@@ -8,10 +8,9 @@ ln R_i and ln tau_i are searched for, from several starts, as the trace is perio
 heating was found in a measured trace, its share u of the range w is searched with them: y_i(t - u w), 0 <= u <= 1.
 """
 
-import math
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,8 @@ from thermofem.arrays import Array, independent
 from thermofem.data import quantity
 from thermofem.data.dataset import START_FROM, Response, responses_of
 
-from .fit_result import UNSEEN, Fit
-from .pole_projection import covariance, late_responses, rms
+from .fit_result import UNSEEN, Fit, lowers_only_noise, pole_parameters
+from .pole_projection import by_trace, correlations, covariance, deviations, late_responses, rms
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
@@ -60,37 +59,38 @@ class Optical:
 
         unknowns [shape (2 poles + starts,)]: ln R_i (R in K/W) of all poles, ln tau_i (tau in s), u of every start.
         """
-        starts = unknowns.size - self.ranges.size
-        R, tau = np.exp(unknowns[:starts].reshape(2, -1))
-        late = iter(unknowns[starts:] * self.ranges)
+        logs, shares = np.split(unknowns, [unknowns.size - self.ranges.size])
+        R, tau = np.exp(logs.reshape(2, -1))
+        late = iter(shares * self.ranges)
         answers = []
         for response in self.responses:
             shift = next(late) if response.start_within > 0 else 0.0
             answers.append(late_responses(response, 1 / tau, float(shift)))
-        return np.asarray(self.shift * np.concatenate(answers) @ (R / tau))
+        phase = self.shift * np.concatenate(answers)
+        return np.asarray(phase @ (R / tau))
 
     @property
     def target(self) -> Array:
         """Measured light of all traces, one after the other, shape (samples,)."""
         return np.concatenate(self.light)
 
-    def linear(self, logs: Array) -> tuple[Array, Array]:
+    def linear(self, unknowns: Array) -> tuple[Array, Array]:
         """Best a, b and c of s = a + b cos(phi) + c sin(phi), shape (3,), and the residuals, shape (samples,)."""
-        phi = self.phases(logs)
+        phi = self.phases(unknowns)
         columns = np.column_stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
         abc, *_ = np.linalg.lstsq(columns, self.target, rcond=1e-10)
         return abc, columns @ abc - self.target
 
-    def misfit(self, logs: Array) -> Array:
+    def misfit(self, unknowns: Array) -> Array:
         """Residuals of all samples, and one penalty that grows where V > 1 or P0 < 0, which no light can have."""
-        (a, b, c), residuals = self.linear(logs)
-        excess = max(float(np.hypot(b, c) - a), 0.0)
+        (a, b, c), residuals = self.linear(unknowns)
+        excess = max(np.hypot(b, c) - a, 0.0)
         return np.append(residuals, np.sqrt(residuals.size) * excess)
 
     def model(self, parameters: Array) -> Array:
-        """Light s at every sample, shape (samples,), for the parameters ln R_i, ln tau_i, V, phi_0 and a."""
-        *logs, V, bias, a = parameters
-        phase = bias + self.phases(np.array(logs))
+        """Light s at every sample, shape (samples,), for the parameters ln R_i, ln tau_i, u of starts, V, phi_0, a."""
+        V, bias, a = parameters[-3:]
+        phase = bias + self.phases(parameters[:-3])
         return np.asarray(a * (1 + V * np.cos(phase)))
 
 
@@ -115,10 +115,12 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, read
     else:
         unknowns = _search(problem, order)
     log_R, log_tau, starts = np.split(unknowns, [order, 2 * order])
-    order_by_tau = np.argsort(log_tau)
-    unknowns = np.concatenate([log_R[order_by_tau], log_tau[order_by_tau], starts])
+    fastest_first = np.argsort(log_tau)
+    unknowns = np.concatenate([log_R[fastest_first], log_tau[fastest_first], starts])
     (a, b, c), residuals = problem.linear(unknowns)
-    end = np.concatenate([unknowns, [np.hypot(b, c) / a, np.arctan2(-c, b), a]])
+    visibility = np.hypot(b, c) / a
+    bias = np.arctan2(-c, b)
+    end = np.append(unknowns, [visibility, bias, a])
     return _concluded(problem, end, residuals, order)
 
 
@@ -131,8 +133,7 @@ def _smallest(problem: Optical) -> tuple[int, Array]:
         further = _search(problem, order)
         _, residuals = problem.linear(further)
         misfit = max(rms(residuals), least)
-        samples = max(independent(residuals), math.e)
-        if samples * np.log(before / misfit) < np.log(samples):
+        if lowers_only_noise(before, misfit, independent(residuals)):
             return order - 1, unknowns
         unknowns = further
         before = misfit
@@ -153,56 +154,56 @@ def _light(data: xr.Dataset) -> xr.Dataset:
 
 def _search(problem: Optical, order: int) -> Array:
     """ln R_i, ln tau_i and u of every start, of the smallest misfit from all starts; shape (2 order + starts,)."""
-    times = [response.times for response in problem.responses]
-    first = min(float(np.diff(np.unique(t)).min()) for t in times)
-    last = max(float(np.ptp(t)) for t in times)
-    late = np.full(problem.ranges.size, LIKELY)
+    steps = [np.diff(np.unique(response.times)).min() for response in problem.responses]
+    longest = max(np.ptp(response.times) for response in problem.responses)
+    starts = problem.ranges.size
+    late = np.full(starts, LIKELY)
     ends = []
-    for phase in PHASES:
-        for low, high in ((0.02, 0.3), (0.002, 0.1)):
-            shortest = max(low * last, first) if order > 1 else high * last
-            tau = np.geomspace(shortest, high * last, order)
-            start = np.concatenate([np.full(order, 1.0), np.log(tau), late])
-            largest = float(np.ptp(problem.phases(start)))
-            start[:order] += np.log(phase / largest)
-            logs = start[: 2 * order]
-            least = np.append(logs - BOUND, 0.0 * late)
-            most = np.append(logs + BOUND, late / LIKELY)
-            ends.append(least_squares(problem.misfit, start, bounds=(least, most), max_nfev=60 * order))
+    for phase, (low, high) in itertools.product(PHASES, ((0.02, 0.3), (0.002, 0.1))):
+        slow = high * longest
+        fast = max(low * longest, *steps) if order > 1 else slow
+        log_tau = np.log(np.geomspace(fast, slow, order))
+        start = np.concatenate([np.ones(order), log_tau, late])
+        largest = np.ptp(problem.phases(start))
+        start[:order] += np.log(phase / largest)
+        logs = start[: 2 * order]
+        least = np.append(logs - BOUND, np.zeros(starts))
+        most = np.append(logs + BOUND, np.ones(starts))
+        ends.append(least_squares(problem.misfit, start, bounds=(least, most), max_nfev=60 * order))
     best = min(ends, key=lambda end: float(end.cost))
     return np.asarray(best.x)
 
 
 def _concluded(problem: Optical, end: Array, residuals: Array, order: int) -> Fit:
     """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart."""
-    ranges = problem.ranges
-    names = [f"{kind}_{k}" for kind in ("R", "tau") for k in range(1, order + 1)]
-    names += [f"late_{k}" for k in range(1, ranges.size + 1)]
-    names += ["visibility", "bias", "half_power"]
-    sizes = [light.size for light in problem.light]
-    traces = np.split(residuals, np.cumsum(sizes)[:-1])
-    variance = float(residuals @ residuals) / max(residuals.size - end.size, 1)
-    spread = covariance(approx_fprime(end, problem.model), traces, variance)
-    deviation = np.sqrt(np.maximum(spread.diagonal(), 0))
-    safe = np.maximum(deviation, np.finfo(float).tiny)
-    logs, starts, of_light = np.split(end, [2 * order, end.size - 3])
-    poles = np.exp(logs)
-    values = np.concatenate([poles, starts * ranges, of_light])
-    scale = np.concatenate([poles, ranges, [1.0, 1.0, 1.0]])
-    errors = scale * deviation
-    unseen = deviation[: 2 * order] > UNSEEN
-    errors[: 2 * order][unseen] = np.inf
+    logs, starts, of_light = np.split(end, [2 * order, -3])
+    R, tau = np.exp(logs.reshape(2, -1))
+    model = Foster(R=R, tau=tau)
+    late = starts * problem.ranges
+    parameters = pole_parameters(model)
+    parameters |= {f"late_{k}": value for k, value in enumerate(late.tolist(), 1)}
+    parameters |= zip(("visibility", "bias", "half_power"), of_light.tolist(), strict=True)
+    freedom = max(residuals.size - end.size, 1)
+    square = float(residuals @ residuals)
+    jacobian = approx_fprime(end, problem.model)
+    spread = covariance(jacobian, by_trace(residuals, problem.responses), square / freedom)
+    deviation = deviations(spread)
+    slope = np.concatenate([R, tau, problem.ranges, np.ones(3)])  # of each parameter by its unknown
+    unseen = deviation > UNSEEN
+    unseen[2 * order :] = False  # of poles alone
+    errors = np.where(unseen, np.inf, slope * deviation)
     size = np.append(np.ones(end.size - 1), abs(end[-1]))
-    notes = _start_notes(starts, starts * ranges, errors[2 * order : -3]) + _apart(names, spread, size)
+    notes = _start_notes(starts, late, errors[2 * order : -3])
+    misfit = rms(residuals)
     return Fit(
-        model=Foster(R=poles[:order], tau=poles[order:]),
-        parameters=dict(zip(names, values.tolist(), strict=True)),
-        standard_errors=dict(zip(names, errors.tolist(), strict=True)),
-        correlations=spread / np.outer(safe, safe),
-        residual=rms(residuals),
-        relative_residual=rms(residuals) / float(np.ptp(problem.target)),
+        model=model,
+        parameters=parameters,
+        standard_errors=dict(zip(parameters, errors.tolist(), strict=True)),
+        correlations=correlations(spread),
+        residual=misfit,
+        relative_residual=misfit / float(np.ptp(problem.target)),
         training=tuple(response.name for response in problem.responses),
-        notes=tuple(notes),
+        notes=(*notes, *_apart(list(parameters), spread, size)),
     ).recorded()
 
 
@@ -227,9 +228,8 @@ def _apart(names: Sequence[str], covariance: Array, size: Array) -> list[str]:
     squares, directions = np.linalg.eigh(covariance / np.outer(size, size))
     for square, direction in zip(squares[::-1], directions.T[::-1], strict=True):
         error = np.sqrt(max(square, 0.0)) * np.abs(direction)
-        open_names = list(compress(names, error > UNCERTAIN))
-        if len(open_names) > 1:
-            notes.append(f"the trace cannot tell {', '.join(open_names)} apart: drive it further, or at another bias")
-        elif open_names:
-            notes.append(f"the trace does not determine {open_names[0]}: drive it further, or at another bias")
+        open_names = ", ".join(itertools.compress(names, error > UNCERTAIN))
+        verb = f"cannot tell {open_names} apart" if "," in open_names else f"does not determine {open_names}"
+        if open_names:
+            notes.append(f"the trace {verb}: drive it further, or at another bias")
     return list(dict.fromkeys(notes))

@@ -35,6 +35,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import least_squares, nnls
 
 from thermofem import checks
+from thermofem.algebra.krylov import symmetric_part
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import FEWEST_RESIDUALS, Array, ArrayLike, autocorrelation, independent
 from thermofem.data.dataset import Response
@@ -55,6 +56,23 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
     back = Vt.T / size / scale[:, None]
     noise = noise_along(residuals, U, variance, rest=rest)
     return np.asarray(back @ noise @ back.T)
+
+
+def deviations(spread: Array) -> Array:
+    """Standard deviations, shape (p,), from the covariance of p parameters."""
+    return np.sqrt(np.maximum(spread.diagonal(), 0))
+
+
+def correlations(spread: Array) -> Array:
+    """Correlations, shape (p, p), from the covariance of p parameters."""
+    deviation = np.maximum(deviations(spread), np.finfo(float).tiny)
+    return spread / np.outer(deviation, deviation)
+
+
+def by_trace(values: Array, responses: Sequence[Response]) -> list[Array]:
+    """Numbers of all samples, one trace after the other, as an array for each trace."""
+    ends = np.cumsum([response.rise.size for response in responses])
+    return np.split(values, ends[:-1])
 
 
 def noise_along(
@@ -82,11 +100,13 @@ def noise_along(
     of_row = np.full(len(U), variance)
     of_row[:samples] = np.repeat(variances, sizes)
     of_row[samples : samples + len(rest)] = variances[list(rest)]
-    lags = map(_lags, residuals, parts)
-    coloured = sum(of_trace * lag for of_trace, lag in zip(variances, lags, strict=True))
-    value, vector = np.linalg.eigh((coloured + coloured.T) / 2)
+    coloured = np.zeros((U.shape[1], U.shape[1]))
+    for trace, part, of_trace in zip(residuals, parts, variances, strict=True):
+        coloured += of_trace * _lags(trace, part)
+    value, vector = np.linalg.eigh(symmetric_part(coloured))
     white = (U.T * of_row) @ U
-    return np.asarray(white + (vector * np.maximum(value, 0)) @ vector.T)
+    more = vector * np.maximum(value, 0)
+    return np.asarray(white + more @ vector.T)
 
 
 class Noise(NamedTuple):
@@ -101,11 +121,12 @@ def _noise(residuals: Array, part: Array) -> Noise:
     """What is left of the residuals of a trace, without what the columns of ``part`` explain."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     # 1e-6: share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
-    along = along[:, size > 1e-6]
+    followed = size > 1e-6
+    along = along[:, followed]
     residuals = residuals - along @ (along.T @ residuals)
-    freedom = residuals.size - along.shape[1]
-    variance = float(residuals @ residuals) / max(freedom, 1)
-    return Noise(residuals, variance, freedom)
+    freedom = residuals.size - int(followed.sum())
+    square = float(residuals @ residuals)
+    return Noise(residuals, square / max(freedom, 1), freedom)
 
 
 def _lags(residuals: Array, part: Array) -> Array:
@@ -162,7 +183,7 @@ class Optimum:
     @property
     def deviation(self) -> Array:
         """Standard deviation of every ``log_rate``, shape (n,)."""
-        return np.sqrt(np.maximum(self.covariance.diagonal()[: self.log_rate.size], 0))
+        return deviations(self.covariance)[: self.log_rate.size]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +221,7 @@ class FitProblem:
         """Largest shift of the start of heating that each response allows, in s; shape (responses,)."""
         return np.array([d.start_within for d in self.responses])
 
-    def columns(self, log_rate: Array, shift: Array | None = None) -> Array:
+    def columns(self, log_rate: Array, shift: ArrayLike = 0.0) -> Array:
         """Columns of the linear fit, shape (rows, poles): response of each pole per unit gain, in swings.
 
         The rows are all samples, then the rows at rest, last the static gain where it is imposed.
@@ -208,13 +229,13 @@ class FitProblem:
         shift [shape (responses,), s]: of the start of the heating.
         """
         rate = np.exp(log_rate)
-        shifts = np.zeros(len(self.responses)) if shift is None else shift
+        shifts = np.broadcast_to(shift, len(self.responses))
         answers = []
         for d, late in zip(self.responses, shifts, strict=True):
             answer = late_responses(d, rate, late)
-            answer *= 1 / d.swing
-            answers.append(answer)
-        return self._rows(answers, 1 / (rate * (self.thermal_resistance or 1.0)))
+            answers.append(answer * (1 / d.swing))
+        gain = rate * (self.thermal_resistance or 1.0)
+        return self._rows(answers, 1 / gain)
 
     def _rows(self, parts: Sequence[Array], gain: ArrayLike = 1.0) -> Array:
         """Complete the rows of `columns` from those of the samples of each response, which are overwritten.
@@ -234,6 +255,11 @@ class FitProblem:
             weight = 1e3 * np.sqrt(self.weight.size + len(rest))
             rest.append(weight * np.broadcast_to(gain, parts[0].shape[1]))
         return np.vstack([*parts, *rest])
+
+    def misfit(self, phi: Array, gain: Array) -> Array:
+        """Residuals of the samples, in swings, of poles with these `columns` and gains."""
+        residuals = self.target - phi @ gain
+        return np.asarray(residuals[: self.weight.size])
 
     def gains(self, phi: Array) -> Array:
         """Gains of the poles by linear least squares, >= 0 where ``positive``; shape (poles,)."""
@@ -271,15 +297,14 @@ def optimum(problem: FitProblem, order: int) -> Optimum:
     Raises InputError: fewer samples than unknowns.
     """
     checks.enough("data", problem.weight.size, 2 * order, hint=f"or take fewer than {order} poles")
-    ends = [_descend(problem, start) for start in _starts(problem, order)]
-    best, _ = min(ends, key=lambda end: end[1])
-    return _conclude(problem, best)
+    return polish(problem, *_starts(problem, order))
 
 
-def polish(problem: FitProblem, log_rate: Array) -> Optimum:
-    """The optimum that a search from the rates ``log_rate`` reaches."""
-    end, _ = _descend(problem, log_rate)
-    return _conclude(problem, end)
+def polish(problem: FitProblem, *starts: Array) -> Optimum:
+    """The best optimum that searches from log rates reach."""
+    ends = [_descend(problem, start) for start in starts]
+    best = min(ends, key=lambda end: end.square)
+    return _conclude(problem, best.unknowns)
 
 
 def late_responses(response: Response, rate: Array, late: float) -> Array:
@@ -321,32 +346,45 @@ def _row_derivatives(problem: FitProblem, end: Array, phi: Array, gain: Array) -
     return np.column_stack([by_rate, *by_shift])
 
 
-def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
-    """Minimise over log rates and shifts; returns the unknowns at the end, and half the sum of squares there."""
+class End(NamedTuple):
+    """Unknowns at the end of a search, and half the sum of squares there."""
+
+    unknowns: Array
+    square: float
+
+
+def _descend(problem: FitProblem, log_rate: Array) -> End:
+    """Minimise over log rates and shifts of the start, from the rates ``log_rate`` and no shift."""
     shortest, longest = problem.span
-    n = start.size
+    n = log_rate.size
     free = int(np.count_nonzero(problem.within))
-    low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])
-    high = np.repeat([np.log(30 / shortest), 1.0], [n, free])
+    slowest = np.log(1e-3 / longest)
+    fastest = np.log(30 / shortest)
+    low = np.repeat([slowest, -1.0], [n, free])
+    high = np.repeat([fastest, 1.0], [n, free])
+
+    def columns(p: Array) -> Array:
+        shift = _shift(problem, p)
+        return problem.columns(p[:n], shift)
 
     def misfit(p: Array) -> Array:
-        phi = problem.columns(p[:n], _shift(problem, p))
-        return problem.target - phi @ problem.gains(phi)
+        phi = columns(p)
+        fitted = phi @ problem.gains(phi)
+        return problem.target - fitted
 
     def jacobian(p: Array) -> Array:
-        phi = problem.columns(p[:n], _shift(problem, p))
+        phi = columns(p)
         gain = problem.gains(phi)
-        active = gain != 0
+        active = phi[:, gain != 0]
         slopes = _row_derivatives(problem, p, phi, gain)
-        Q, _ = np.linalg.qr(phi[:, active])
-        return np.asarray(Q @ (Q.T @ slopes) - slopes)
+        Q, _ = np.linalg.qr(active)
+        along = Q.T @ slopes
+        return np.asarray(Q @ along - slopes)
 
-    start = np.append(start, np.zeros(free))
+    start = np.append(log_rate, np.zeros(free))
     inside = np.clip(start, low + 1e-6, high - 1e-6)
-    end = least_squares(
-        misfit, inside, jacobian, bounds=(low, high), x_scale=1.0, xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200
-    )
-    return end.x, float(end.cost)
+    end = least_squares(misfit, inside, jacobian, bounds=(low, high), xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200)
+    return End(end.x, float(end.cost))
 
 
 def _starts(problem: FitProblem, order: int) -> list[Array]:
@@ -354,11 +392,12 @@ def _starts(problem: FitProblem, order: int) -> list[Array]:
     shortest, longest = problem.span
     if order <= 3:  # 3: up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
         grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
-        return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
+        best = _best_columns(problem.columns(grid), problem.target, order)
+        return [grid[best]]
     slow = np.log(1 / longest)
     fast = np.log(1 / shortest)
-    margin = 0.2 * (fast - slow)
-    return [np.linspace(slow, fast, order), np.linspace(slow + margin, fast - margin, order)]
+    margins = np.array([0.0, 0.2]) * (fast - slow)
+    return [np.linspace(slow + margin, fast - margin, order) for margin in margins]
 
 
 def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
@@ -370,11 +409,12 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
 
     def explained(pick: list[int]) -> float:
         chosen = gram[np.ix_(pick, pick)]
-        gain, *_ = np.linalg.lstsq(chosen, right[pick], rcond=1e-12)
-        return float(right[pick] @ gain)
+        aims = right[pick]
+        gain, *_ = np.linalg.lstsq(chosen, aims, rcond=1e-12)
+        return float(aims @ gain)
 
-    sets = map(list, combinations(range(norm.size), count))
-    return max(sets, key=explained)
+    sets = combinations(range(norm.size), count)
+    return max(map(list, sets), key=explained)
 
 
 def _conclude(problem: FitProblem, end: Array) -> Optimum:
@@ -388,20 +428,21 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     gain = problem.gains(phi)
     R_th = problem.thermal_resistance
     if R_th is not None and np.any(gain):
-        gain = gain * R_th / np.sum(gain / np.exp(log_rate))
-    misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    sizes = [d.rise.size for d in problem.responses]
-    traces = np.split(misfit, np.cumsum(sizes)[:-1])
-    by_rate, by_shift = np.split(_row_derivatives(problem, end, phi, gain), [n], axis=1)
+        R = gain / np.exp(log_rate)
+        gain = gain * R_th / np.sum(R)
+    misfit = problem.misfit(phi, gain)
+    traces = by_trace(misfit, problem.responses)
+    derivatives = _row_derivatives(problem, end, phi, gain)
+    by_rate, by_shift = np.split(derivatives, [n], axis=1)
     inside = np.abs(end[n:]) < AT_END
     jacobian = np.hstack([by_rate, phi, by_shift[:, inside]])
     unknowns = jacobian.shape[1] - (R_th is not None)
-    variance = float(misfit @ misfit) / max(misfit.size - unknowns, 1)
-    of_all = covariance(jacobian, traces, variance, rest=problem.rested)
+    freedom = max(misfit.size - unknowns, 1)
+    of_all = covariance(jacobian, traces, float(misfit @ misfit) / freedom, rest=problem.rested)
     of_poles = of_all[: 2 * n, : 2 * n]
     fitted = free[inside]
     shift_error = np.where(problem.within > 0, np.inf, 0.0)
-    shift_error[fitted] = np.sqrt(of_all.diagonal()[2 * n :]) * problem.within[fitted]
+    shift_error[fitted] = deviations(of_all)[2 * n :] * problem.within[fitted]
     offset = np.empty(shift.size)
     offset_error = np.empty(shift.size)
     noise = True
@@ -440,8 +481,9 @@ def _offset(response: Response, log_rate: Array, gain: Array, shift: float, cova
     slope = np.concatenate([change / RATE_STEP * gain, mean])
     level = float(response.rise.sum() / rows - mean @ gain)
     residuals = response.rise - phi @ gain - level
-    variance = max(slope @ covariance @ slope, 0.0) + np.mean(residuals**2) / rows
-    return level, float(np.sqrt(variance))
+    of_poles = max(slope @ covariance @ slope, 0.0)
+    of_samples = np.mean(residuals**2) / rows
+    return level, float(np.sqrt(of_poles + of_samples))
 
 
 def is_noise(response: Response, residuals: Array) -> bool:
@@ -452,7 +494,8 @@ def is_noise(response: Response, residuals: Array) -> bool:
     """
     n = residuals.size
     square = float(residuals @ residuals)
-    if square <= n * (ROUND_OFF_MISFIT * response.swing) ** 2:
+    round_off = ROUND_OFF_MISFIT * response.swing
+    if square <= n * round_off**2:
         return True
     if np.isfinite(response.rest_noise):
         rows = min(n, max(response.rest_rows, 2.0))
@@ -461,11 +504,13 @@ def is_noise(response: Response, residuals: Array) -> bool:
     while not _is_white(residuals):
         if residuals.size < 2 * FEWEST_RESIDUALS:
             return False
-        pairs = residuals[: residuals.size // 2 * 2].reshape(-1, 2)
+        even = residuals.size // 2 * 2
+        pairs = residuals[:even].reshape(-1, 2)
         residuals = pairs.mean(axis=1)
     return True
 
 
 def _is_white(residuals: Array) -> bool:
-    product = abs(residuals[1:] @ residuals[:-1])
-    return bool(product <= SIGMAS / np.sqrt(residuals.size) * (residuals @ residuals))
+    product = residuals[1:] @ residuals[:-1]
+    share = SIGMAS / np.sqrt(residuals.size)
+    return bool(abs(product) <= share * (residuals @ residuals))

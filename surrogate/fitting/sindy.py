@@ -119,11 +119,8 @@ def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window
     A, b = _regression(probed, gains, window)
     poles = gate(A, b, float(gains[0]), name=names[0])
     residual = rms(poles.response(probed.wave, probed.times) - rise)
-    numbers = {}
-    for (i, j), value in np.ndenumerate(A):
-        numbers[f"A_{i + 1}_{j + 1}"] = float(value)
-    for i, value in enumerate(b):
-        numbers[f"b_{i + 1}"] = float(value)
+    numbers = {f"A_{i + 1}_{j + 1}": float(value) for (i, j), value in np.ndenumerate(A)}
+    numbers |= {f"b_{i}": value for i, value in enumerate(b.tolist(), 1)}
     return SindyFit(
         model=Network(A, b, names, poles, float(rise.max())),
         equations=_equations(names, A, b),
@@ -208,28 +205,28 @@ def read_probes(data: xr.Dataset) -> Probed:
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
     responses = [response_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
-    times = responses[0].times
+    first = responses[0]
+    times = first.times
     rise = np.stack([response.rise for response in responses], axis=1)
     warn_of(responses)
     checks.enough("data", times.size, 1000)
     steps = np.diff(times)
     if np.ptp(steps) > 1e-6 * steps.mean():
         raise checks.InputError("data.time is not evenly spaced; the weak form needs even samples")
-    names = tuple(str(p) for p in data["probe"].values)
-    if data.attrs.get("heated", names[0]) != names[0]:
-        raise checks.InputError(
-            f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
-        )
-    return Probed(times, rise, responses[0].wave, names)
+    names = tuple(map(str, data["probe"].values))
+    heated = data.attrs.get("heated", names[0])
+    if heated != names[0]:
+        raise checks.InputError(f"the first probe is {names[0]!r}; it must be the heated part, {heated!r}")
+    return Probed(times, rise, first.wave, names)
 
 
 def _equations(names: tuple[str, ...], A: Array, b: Array) -> tuple[str, ...]:
     """The equations of a network as text; power enters the first only."""
     terms = [*(f"T[{name}]" for name in names), "P"]
-    power = np.zeros_like(b)
-    power[0] = b[0]
+    rows = np.column_stack([A, b])
+    rows[1:, -1] = 0.0
     equations = []
-    for name, row in zip(names, np.column_stack([A, power]), strict=True):
+    for name, row in zip(names, rows, strict=True):
         right = [f"{c:+.4g} {term}" for c, term in zip(row, terms, strict=True) if c]
         equations.append(f"dT[{name}]/dt = {' '.join(right)}")
     return tuple(equations)
