@@ -8,6 +8,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import shapely
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -22,6 +23,7 @@ from thermofem.data.variables import contents, unit_of
 from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, axes as _axes, readable
 from thermofem.waveforms import period_times
 
+from .fitting.pole_projection import rms
 from .judging.validate import valid_range
 from .reduction.array_reduction import ArrayReduction
 
@@ -66,20 +68,16 @@ def plot_period_error(curves: Mapping[str, xr.Dataset], ax: Axes | None = None, 
 
 
 def plot_period_errors(
-    curves: Mapping[str, xr.Dataset],
-    *,
-    points: Mapping[str, xr.Dataset] | None = None,
-    within: float = 0.1,
-    title: str = "",
+    curves: Mapping[str, xr.Dataset], *, points: Mapping[str, xr.Dataset] | None = None, title: str = ""
 ) -> np.ndarray:
     """Period error twice: in %, and below its magnitude on a logarithmic axis, where good models differ.
 
-    curves, within: as in `plot_period_error`.
+    curves: as in `plot_period_error`.
     points: for names of curves, period (s) and relative_error over point, such as those of a ring; as markers.
     title: of the figure.
     """
     figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 5.8 + 0.2 * len(curves)), layout="constrained")
-    plot_period_error(curves, left, within=within)
+    plot_period_error(curves, left)
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))
         right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
@@ -90,7 +88,7 @@ def plot_period_errors(
         label = f"{name}, in the ring with Q = {ring.attrs['loaded_q']:.0f}"
         left.plot(periods, error, "o", color=colour, markersize=3.5, alpha=0.6, label=label)
         right.plot(periods, np.abs(error), "o", color=colour, markersize=3.5, alpha=0.6)
-    right.axhline(100 * within, color=INK, linewidth=0.8, linestyle=":")
+    right.axhline(10, color=INK, linewidth=0.8, linestyle=":")
     right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
     right.xaxis.set_major_formatter("{x:g}")
@@ -112,19 +110,19 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     ax = _axes(ax)
     states = checks.numbers("comparison['states']", comparison["states"].values)
     error = 100 * checks.numbers("comparison['rms_relative']", comparison["rms_relative"].values)
-    typical = np.sqrt(np.mean(error**2, axis=1))
-    families = [str(name).split(" (")[0] for name in comparison["model"].values]
-    count = len(set(families))
-    crowded = np.array([np.sum(states == n) > 1 for n in states])
+    kinds = np.array([str(name).split(" (")[0] for name in comparison["model"].values])
+    count = len(set(kinds))
+    crowded = np.sum(states == states[:, None], axis=1) > 1
     beside = 0.08 * (np.arange(count) - (count - 1) / 2)  # bars of models with as many states stand side by side
-    for k, family in enumerate(dict.fromkeys(families)):
-        members = [i for i, name in enumerate(families) if name == family]
-        x = states[members] + beside[k] * crowded[members]
-        errors = error[members]
+    for k, kind in enumerate(dict.fromkeys(kinds)):
+        models = kinds == kind
+        x = states[models] + beside[k] * crowded[models]
+        errors = error[models]
+        typical = np.sqrt(np.mean(errors**2, axis=1))
         colour = CYCLE[k % len(CYCLE)]
-        style = "o-" if len(members) > 1 else "o"
+        style = "o-" if models.sum() > 1 else "o"
         ax.vlines(x, errors.min(axis=1), errors.max(axis=1), color=colour, linewidth=1, alpha=0.5)
-        ax.plot(x, typical[members], style, color=colour, markersize=5, label=family)
+        ax.plot(x, typical, style, color=colour, markersize=5, label=str(kind))
     ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
     ax.set_xlim(0, states.max() + 1)
     ax.legend(frameon=False, fontsize="small")
@@ -152,24 +150,23 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     upper, lower = _axes(ax, (WIDTH, 4.2), 2, sharex=True, height_ratios=[3, 1])
     rise_unit = unit_of(data.attrs.get("assumed", ""))
     t, unit = readable(response.times, "s")
-    missed = rise - response.rise
+    residual = rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)
     # 5 times the median gap: the mean gap beyond which samples are in equal ratios
-    if not response.periodic and gaps.mean() > 5 * np.median(gaps):
-        upper.set(xscale="log")
-        lower.set(xscale="log")
-    rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
-    first = t[t > 0][0] if upper.get_xscale() == "log" else t[0]
-    upper.set(ylabel=rise_label, xlim=(first, t[-1]))
+    logarithmic = not response.periodic and gaps.mean() > 5 * np.median(gaps)
+    scale = "log" if logarithmic else "linear"
+    first = t[t > 0][0] if logarithmic else t[0]
+    quantity = "temperature rise" if rise_unit == "K" else "rise of the voltage"
+    upper.set(xscale=scale, ylabel=f"{quantity} ({rise_unit})", xlim=(first, t[-1]))
     upper.legend(frameon=False, fontsize="small")
-    rms = float(np.sqrt(np.mean(missed**2)))
-    of = response.name.replace(" us", " µs")
-    words = f"residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing"
-    upper.set_title(f"{of}\n{words}", fontsize="small", loc="left", wrap=True)
+    misfit = rms(residual)
+    drive = response.name.replace(" us", " µs")
+    words = f"residual {misfit:.2g} {rise_unit} rms, {misfit / response.swing:.2%} of the swing"
+    upper.set_title(f"{drive}\n{words}", fontsize="small", loc="left", wrap=True)
     lower.axhline(0, color=INK, linewidth=0.6)
-    lower.plot(t, missed, color=VERMILION, linewidth=1)
+    lower.plot(t, residual, color=VERMILION, linewidth=1)
     lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({rise_unit})")
     return np.array([upper, lower])
 
@@ -200,32 +197,25 @@ def plot_layout(names: Sequence[str], outlines: Sequence[Any], gain: Array, ax: 
     ax = _axes(ax)
     own = np.diag(gain) / 1e3
     colours = ScalarMappable(Normalize(own.min() * 0.9, own.max() * 1.1), "viridis")
-    middles = np.array([np.mean(np.asarray(rings[0])[:-1], axis=0) * 1e6 for rings in outlines])
-    words: dict[tuple[float, float], list[Any]] = {}  # lowest y, and a line for each shape at one place
-    for k in np.argsort([-_area(rings) for rings in outlines]):
-        points = [np.asarray(ring) * 1e6 for ring in outlines[k]]
-        codes = [code for ring in points for code in (Path.MOVETO, *[Path.LINETO] * (len(ring) - 2), Path.CLOSEPOLY)]
-        shape = Path(np.concatenate(points), codes)
-        ax.add_patch(PathPatch(shape, facecolor=colours.to_rgba(own[k]), edgecolor=INK, linewidth=0.4))
-        x, y = np.round(middles[k], 1)
-        words.setdefault((float(x), float(y)), [float(points[0][:, 1].min())]).append(f"{names[k]}: {own[k]:.3g}")
-    for (x, _), (lowest, *lines) in words.items():
+    microns = [[np.asarray(ring) * 1e6 for ring in rings] for rings in outlines]
+    middles = np.array([rings[0][:-1].mean(axis=0) for rings in microns])
+    shapes = [Path.make_compound_path(*(Path(ring, closed=True) for ring in rings)) for rings in microns]
+    labels: dict[tuple[float, float], list[Any]] = {}  # lowest y, and a line for each shape at one place
+    for k in np.argsort([-shapely.Polygon(outer, holes).area for outer, *holes in outlines]):  # the largest below
+        colour = colours.to_rgba(own[k])
+        ax.add_patch(PathPatch(shapes[k], facecolor=colour, edgecolor=INK, linewidth=0.4))
+        place = tuple(np.round(middles[k], 1).tolist())
+        lines = labels.setdefault(place, [microns[k][0][:, 1].min()])
+        lines.append(f"{names[k]}: {own[k]:.3g}")
+    for (x, _), (lowest, *lines) in labels.items():
         ax.annotate("\n".join(lines), (x, lowest), ha="center", va="top", fontsize="xx-small")
     apart = np.linalg.norm(middles[:, None] - middles, axis=-1) > 1.0  # um; others lie above each other
     others = np.where(apart, gain, 0.0)
     for j in np.flatnonzero(apart.any(axis=0)):
         i = int(others[:, j].argmax())
-        ax.plot(*np.transpose([middles[j], middles[i]]), color=VERMILION, linewidth=0.8, alpha=0.6, zorder=0)
+        ends = middles[[j, i]].T
+        ax.plot(*ends, color=VERMILION, linewidth=0.8, alpha=0.6, zorder=0)
     ax.set(xlabel="x (µm)", ylabel="y (µm)", aspect="equal")
     ax.autoscale_view()
     ax.figure.colorbar(colours, ax=ax, label="R_th (K/mW)")
     return ax
-
-
-def _area(rings: Sequence[Any]) -> float:
-    """Area of a shape in m^2, a hole left out (shoelace formula)."""
-    areas = []
-    for ring in rings:
-        x, y = np.transpose(ring)
-        areas.append(abs(np.dot(x[:-1], y[1:]) - np.dot(y[:-1], x[1:])) / 2)
-    return float(areas[0] - sum(areas[1:]))

@@ -19,11 +19,10 @@ from ..fitting.sindy import fit_sindy
 from ..reduction.balanced import balanced_truncation
 from ..reduction.nonlinear_reduction import output_map, reduce_quadratic
 from ..reduction.reduce import reduce
-from .validate import PERIODS, error_curve, swings, widest_range
+from .validate import PERIODS, error_curve, labelled, states_of, swings, widest_range
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
-WARM = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are compared with k(T)
 TRAINING_SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
@@ -94,14 +93,12 @@ def train_all(
     makers: dict[str, Callable[[], ThermalModel]] = {
         "Newton": lambda: fit_newton(periodic).model,
         "second order": lambda: fit_second_order(periodic).model,
-        "SINDy": lambda: _sindy(heat, part, read, power),
+        "SINDy": lambda: fit_sindy(*shells(heat, part, read, power)).model,
     }
-    for n in range(3, 9):
-        makers[f"Foster, trained ({n})"] = lambda n=n: fit_foster(step, n).model  # type: ignore[misc]
-    for n in range(3, 9):
-        makers[f"balanced truncation ({n})"] = lambda n=n: balanced_truncation(system, n).model  # type: ignore[misc]
-    for t in TOLERANCES:
-        makers[f"certified reduction ({t:g})"] = lambda t=t: reduce(system, t).model  # type: ignore[misc]
+    orders = range(3, 9)
+    makers |= {f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in orders}
+    makers |= {f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in orders}
+    makers |= {f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES}
     reference: ThermalModel = exact
     error = fine.error_bound
     hot = 10 * power if hot is None else checks.between("hot", hot, 0, 10, unit="W")
@@ -148,27 +145,23 @@ def fit_usual(exact: Foster) -> dict[str, ThermalModel]:
     }
 
 
-def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
-    """Network of five states by SINDy: the heated part and four shells around it."""
-    if read != part:
-        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
-    return fit_sindy(*shells(heat, part, power)).model
-
-
-def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list[float]]:
+def shells(heat: HeatProblem, part: str, read: str, power: float) -> tuple[xr.Dataset, list[float]]:
     """Training data of `fit_sindy`: rises of a part and of shells around it, and their static gains in K/W.
 
     From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
+    Raises InputError: another part is read.
     """
+    if read != part:
+        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
     probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
     probed = assemble(replace(heat.geometry, probes=probes), heat.accuracy)
-    read = (part, *(p.name for p in probes))
-    fine = reduce(probed.channels(part, read), 1e-5).model
-    parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
+    names = (part, *(probe.name for probe in probes))
+    fine: Any = reduce(probed.channels(part, names), 1e-5).model  # several outputs
+    models = [foster(fine.channel(part, name)) for name in names]
     times = np.arange(20_000) * 2e-9
     wave = Telegraph(power, dwell=5e-7, duration=4e-5, seed=1)
-    rises = np.stack([p.response(wave, times) for p in parts], axis=1)
-    return dataset.build(times, rises, wave, read=read), [p.thermal_resistance for p in parts]
+    rises = np.stack([model.response(wave, times) for model in models], axis=1)
+    return dataset.build(times, rises, wave, read=names), [model.thermal_resistance for model in models]
 
 
 def judge(
@@ -213,23 +206,22 @@ def judge(
             error[i, j] = curve["relative_error"].values
             ends[i, j] = widest_range(curve)
             swing[i, j] = curve["swing_model"].values / exact - 1
-    over = ("model", "power", "period")
-    states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     coords = {
         "model": list(models),
         "power": ("power", watts, describe("power")),
         "period": ("period", periods, describe("period")),
     }
-    variables = (
-        ("period_error", over, error, "1", "period error over period"),
-        ("swing_error", over, swing, "1", "swing error over swing"),
-        ("shortest", over[:2], ends[..., 0], "s", "shortest period within 10 %"),
-        ("longest", over[:2], ends[..., 1], "s", "longest period within 10 %"),
-        ("states", "model", states, "1", "number of states"),
+    errors = (
+        ("period_error", error, "1", "period error over period"),
+        ("swing_error", swing, "1", "swing error over swing"),
     )
-    judged = xr.Dataset(coords=coords)
-    for name, dims, values, unit, words in variables:
-        judged[name] = (dims, values, {"units": unit, "long_name": words})
+    shortest, longest = np.moveaxis(ends, -1, 0)
+    ranges = (
+        ("shortest", shortest, "s", "shortest period within 10 %"),
+        ("longest", longest, "s", "longest period within 10 %"),
+    )
+    variables = labelled(errors, "model", "power", "period") | labelled(ranges, "model", "power") | states_of(models)
+    judged = xr.Dataset(variables, coords)
     return judged.assign_attrs(verdict=verdict(judged), duty=float(duty))
 
 
@@ -261,23 +253,23 @@ def judge_geometry(
     return ladder, judge(ladder.models, ladder.reference, powers=[power], periods=periods, duty=duty)
 
 
-def linear_reach(system: NonlinearSystem, powers: ArrayLike = WARM) -> xr.Dataset:
-    """Steady rise of a FEM with k(T) over the power, and the errors of linear models and of an output map there.
+def linear_reach(system: NonlinearSystem) -> xr.Dataset:
+    """Steady rise of a FEM with k(T) at 0.5 to 50 mW, and the errors of linear models and of an output map there.
 
         linear_error = R_th P/dT - 1,    map_error = dT_map/dT - 1,    R_th at small power
 
     The output map is made for the largest power. Powers (W) from the first without a steady state on are left out.
     """
     rises = []
-    for power in checks.array("powers", powers, increasing=True):
+    for power in np.geomspace(0.5e-3, 50e-3, 9).tolist():
         try:
-            rise, *_ = system.steady_rise(float(power))
+            rise, *_ = system.steady_rise(power)
         except checks.InputError:  # the conductivity has gone
             break
         rises.append((power, float(rise)))
     watts, kelvin = np.array(rises).T
     of_map = output_map(system, float(watts[-1]))
-    mapped = np.array([of_map.steady_rise(float(power)) for power in watts])
+    mapped = np.array([of_map.steady_rise(power) for power in watts.tolist()])
     linear = system.thermal_resistance * watts
     errors = {"rise": kelvin, "linear_error": linear / kelvin - 1, "map_error": mapped / kelvin - 1}
     return xr.Dataset({name: ("power", column) for name, column in errors.items()}, {"power": watts})
@@ -295,26 +287,24 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     needed = ("model", "power", "period", "states", "period_error")
     judged = contents("judged", judged, needed, what="a Dataset of surrogate.judge")
     lines = []
-    low = float(judged["period"][0])
-    high = float(judged["period"][-1])
+    low, high = 1e6 * judged["period"].values[[0, -1]]
     for power in judged["power"].values:
         of_power = judged.sel(power=power)
-        worst = abs(of_power["period_error"]).max("period").values.tolist()
-        states = of_power["states"].values.tolist()
         suffice = []
         ranges = []
-        for k, model in enumerate(of_power["model"].values):
-            if worst[k] <= within:
-                suffice.append((states[k], worst[k], model))
+        for model in of_power["model"].values:
+            curve = of_power.sel(model=model).rename(period_error="relative_error")
+            worst = float(abs(curve["relative_error"]).max())
+            if worst <= within:
+                suffice.append((float(curve["states"]), worst, model))
                 continue
-            curve = of_power.isel(model=k).rename(period_error="relative_error")
-            a, b = widest_range(curve, within=within)
-            reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
+            shortest, longest = widest_range(curve, within=within)
+            reach = f"{shortest * 1e6:.3g} to {longest * 1e6:.3g} us" if shortest <= longest else "nowhere"
             ranges.append(f"  {model}: {reach}")
         best = "no model suffices everywhere"
         if suffice:
             count, _, smallest = min(suffice)
             best = f"{smallest} suffices ({count:.0f} states)"
-        lines.append(f"{power * 1e3:g} mW, {low * 1e6:g} to {high * 1e6:g} us, within {within:.0%}: {best}")
+        lines.append(f"{power * 1e3:g} mW, {low:g} to {high:g} us, within {within:.0%}: {best}")
         lines += ranges
     return "\n".join(lines)

@@ -3,7 +3,7 @@
 Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section 6 and Fig. 7.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from thermofem import Quadratic, SquareWave, StateSpace, checks, waveforms
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, runs_of
 from thermofem.data.variables import in_si
 from thermofem.models import NonlinearSystem, ThermalModel, bare, two_kinds
 from thermofem.piecewise import bounds
@@ -76,22 +76,30 @@ def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float,
     look = swing_over_period(model, periods, power, duty)
     period_model = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
     error = periods - period_model
-    swing_model = np.array([look(t) for t in periods])
     columns = (
         ("period_model", period_model, "s", "period at which the model has the swing"),
         ("error", error, "s", "period error"),
         ("relative_error", error / periods, "1", "period error over period"),
         ("swing", swing, "K", "swing of the temperature rise"),
-        ("swing_model", swing_model, "K", "swing of the model's temperature rise"),
+        ("swing_model", [look(t) for t in periods], "K", "swing of the model's temperature rise"),
     )
     coords = {"period": ("period", periods, {"units": "s", "long_name": "period"})}
-    curve = xr.Dataset(coords=coords, attrs={"power": power, "duty": duty})
-    for name, column, unit, words in columns:
-        curve[name] = ("period", column, {"units": unit, "long_name": words})
+    curve = xr.Dataset(labelled(columns, "period"), coords, {"power": power, "duty": duty})
     trained = (getattr(model, "origin", None) or {}).get("training_period")
     if isinstance(trained, float):
         curve.attrs["training_period"] = trained
     return curve.assign_attrs(validity=validity(curve))
+
+
+def labelled(columns: Iterable[tuple[str, Any, str, str]], *dims: str) -> dict[str, Any]:
+    """Variables of a Dataset over ``dims`` from their names, values, units and long names."""
+    return {name: (dims, values, {"units": unit, "long_name": words}) for name, values, unit, words in columns}
+
+
+def states_of(models: Mapping[str, ThermalModel]) -> dict[str, Any]:
+    """Variable "states" over "model": number of states, nan where a model has no order."""
+    states = [float(getattr(model, "order", np.nan)) for model in models.values()]
+    return labelled([("states", states, "1", "number of states")], "model")
 
 
 def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
@@ -105,20 +113,21 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
     for period in periods[[0, -1]]:
         SquareWave(power, float(period), duty)  # raises
     system = bare(reference)
-    nonlinear = isinstance(system, NonlinearSystem)
-    reduction = reduce_quadratic(system, power) if nonlinear else None
-    look = swing_over_period(reduction.model if reduction else reference, periods, power, duty)
+    if not isinstance(system, NonlinearSystem):
+        look = swing_over_period(reference, periods, power, duty)
+        return np.array([look(t) for t in periods])
+    reduction = reduce_quadratic(system, power)
+    look = swing_over_period(reduction.model, periods, power, duty)
     swing = np.array([look(t) for t in periods])
-    return swing * _correction(reduction, system, periods, power, duty) if reduction else swing
+    return swing * _correction(reduction, system, periods, power, duty)
 
 
 def _correction(
     reduction: QuadraticReduction, system: NonlinearSystem, periods: Array, power: float, duty: float
 ) -> Array:
     """Ratio of the full-order swing to that of its quadratic reduction at each of the periods."""
-    few = periods
-    if periods.size > CHECKED:
-        few = np.geomspace(periods[0], periods[-1], CHECKED)
+    every = periods.size <= CHECKED
+    few = periods if every else np.geomspace(periods[0], periods[-1], CHECKED)
     ratio = []
     for period in few:
         wave = SquareWave(power, float(period), duty)
@@ -127,7 +136,7 @@ def _correction(
         # 1e-3 of the full order: 1e-5 of its swing at 1 us (measured), as each step may err by a tenth of it
         full = integrate_periodic(system, wave, CHECKED_SAMPLES, rtol=1e-3, initial=start).outputs[:, 0]
         ratio.append(np.ptp(full) / np.ptp(states @ reduction.model.C))
-    if periods.size <= CHECKED:
+    if every:
         return np.array(ratio)
     between = PchipInterpolator(np.log(few), ratio)
     return np.asarray(between(np.log(periods)))
@@ -147,14 +156,16 @@ def _table(model: ThermalModel, periods: Array, power: float, duty: float) -> Ca
     """
 
     def exact(log_period: float) -> float:
-        return _swing(model, SquareWave(power, float(np.exp(log_period)), duty))
+        period = float(np.exp(log_period))
+        return _swing(model, SquareWave(power, period, duty))
 
     low = np.log(periods[0] / 2)
     high = np.log(periods[-1] * 2)
     # 1.25: between the periods of a `_table`: interpolation leaves 1e-5 of the swing (measured)
     steps = int(np.ceil((high - low) / np.log(1.25)))
     nodes = np.linspace(low, high, 1 + steps)
-    spline = CubicSpline(nodes, np.log([exact(node) for node in nodes]))
+    table = [exact(node) for node in nodes]
+    spline = CubicSpline(nodes, np.log(table))
 
     def look(period: float) -> float:
         log_period = float(np.log(period))
@@ -188,7 +199,8 @@ def _swing(model: ThermalModel, wave: SquareWave) -> float:
     if poles.linear.passive:
         return float(np.ptp(poles.periodic_response(wave, PERIOD_SAMPLES)))
     phi = pole_responses(1 / tau, wave, _after_edges(wave, tau), periodic=True)
-    return float(np.ptp(poles.of(phi @ poles.linear.gain)))
+    rise = poles.of(phi @ poles.linear.gain)
+    return float(np.ptp(rise))
 
 
 def _quadratic_swing(model: Quadratic, wave: SquareWave) -> float:
@@ -203,9 +215,11 @@ def _quadratic_swing(model: Quadratic, wave: SquareWave) -> float:
 
 def _after_edges(wave: SquareWave, tau: Array) -> Array:
     """Times in s over one period, dense after both edges, where a model with time constants tau may overshoot."""
+    first = 1e-2 * tau.min()
+    last = 1e2 * tau.max()
     # 0.02: relative step of the times after an edge: 1e-4 of an overshoot
-    steps = int(np.ceil(np.log(1e4 * tau.max() / tau.min()) / 0.02))
-    since = np.geomspace(1e-2 * tau.min(), 1e2 * tau.max(), steps)
+    steps = int(np.ceil(np.log(last / first) / 0.02))
+    since = np.geomspace(first, last, steps)
     on = wave.duty * wave.period
     while_on = since[since < on]
     while_off = on + since[since < wave.period - on]
@@ -216,7 +230,8 @@ def period_of(look: Callable[[float], float], swing: float, near: float) -> floa
     """Period in s at which look(period) = ``swing``, by Brent's method; inf or 0 if none is within 1e4 of ``near``."""
 
     def excess(log_period: float) -> float:
-        return look(float(np.exp(log_period))) - swing
+        period = float(np.exp(log_period))
+        return look(period) - swing
 
     inner = outer = float(np.log(near))
     # 1e4: a period this many times longer or shorter than the reference's counts as never reached
@@ -253,9 +268,6 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, 
     if error.dtype.kind not in "fiu" or error.size != x.size:
         raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")
     y = np.abs(error.values.ravel())
-    good = np.concatenate([[False], y <= within, [False]])
-    first = np.flatnonzero(~good[:-1] & good[1:])
-    last = np.flatnonzero(good[:-1] & ~good[1:]) - 1
 
     def crossing(inside: int, outside: int) -> float:
         known = 0 <= outside < x.size and np.isfinite(y[outside])
@@ -268,9 +280,9 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> list[tuple[float, 
 
     least = min(np.log(2), x[-1] - x[0]) - 1e-12
     stretches = []
-    for i, j in zip(first.tolist(), last.tolist(), strict=True):
-        low = crossing(i, i - 1)
-        high = crossing(j, j + 1)
+    for first, end in runs_of(y <= within):
+        low = crossing(first, first - 1)
+        high = crossing(end - 1, end)
         if high - low >= least:
             stretches.append((float(np.exp(low)), float(np.exp(high))))
     trained = curve.attrs.get("training_period", np.nan)
@@ -346,25 +358,23 @@ def compare(
         for j, drive in enumerate(drives):
             misfit = _rise_under(model, drive) - exact[j]
             errors[i, j] = rms(misfit)
-            peak[i, j] = np.max(np.abs(misfit))
-    fields = (
+            peak[i, j] = np.abs(misfit).max()
+    columns = (
         ("rms", errors, "K", "rms error"),
         ("peak", peak, "K", "largest error"),
         ("rms_relative", errors / swing, "1", "rms error over swing"),
         ("peak_relative", peak / swing, "1", "largest error over swing"),
     )
-    variables: dict[str, Any] = {}
-    for name, values, unit, words in fields:
-        variables[name] = (("model", "drive"), values, {"units": unit, "long_name": words})
-    states = [float(getattr(m, "order", np.nan)) for m in models.values()]
-    variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
+    variables = labelled(columns, "model", "drive") | states_of(models)
     periods = checks.array("periods", periods, increasing=True, empty=True)
     if periods.size:
         power = max(map(_largest, drives))
         duty = 1 / 3
-        swing = swings(reference, periods, power, duty)
-        curves = [error_curve(m, swing, periods, power, duty) for m in models.values()]
-        ranges = [curve.attrs["validity"] for curve in curves]
+        exact_swings = swings(reference, periods, power, duty)
+        ranges = []
+        for model in models.values():
+            curve = error_curve(model, exact_swings, periods, power, duty)
+            ranges.append(curve.attrs["validity"])
         variables["validity"] = ("model", ranges, {"long_name": "range of validity on the period"})
     coords = {"model": list(models), "drive": [d.words for d in drives]}
     return xr.Dataset(variables, coords=coords)
@@ -383,16 +393,15 @@ def square_waves(
     return [SquareWave(power, time, duty) for time in times for duty in duties]
 
 
-def held_out_drives(power: float = 2e-3) -> list[Waveform]:
-    """Drives of every kind that no training uses: 15 square waves of 0.1..10 us, 4 pulses, 2 telegraphs and a chirp.
-
-    power [W]: the largest of each drive.
-    """
+def held_out_drives() -> list[Waveform]:
+    """Drives that no training uses, of 2 mW: 15 square waves of 0.1..10 us, 4 pulses, 2 telegraphs and a chirp."""
+    power = 2e-3
+    squares = square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6))
     pulses = [waveforms.Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
     short = waveforms.Telegraph(power, 2e-7, 2e-5, seed=1)
     long = waveforms.Telegraph(power, 2e-6, 1e-4, seed=2)
     chirp = waveforms.Chirp(power, 1e-7, 1e-5, 1e-4)
-    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, short, long, chirp]
+    return [*squares, *pulses, short, long, chirp]
 
 
 def _rise_under(model: ThermalModel, drive: Waveform) -> Array:
@@ -407,8 +416,9 @@ def _rise_under(model: ThermalModel, drive: Waveform) -> Array:
 
 def _largest(drive: Waveform) -> float:
     """Largest power of a drive, W."""
-    stop = drive.period if drive.period is not None else _length(drive)
-    return bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
+    stop = drive.period or _length(drive)
+    _, largest = bounds(waveforms.heating_pieces(drive, 0.0, stop))
+    return largest
 
 
 def _length(drive: Waveform) -> float:

@@ -19,6 +19,7 @@ Passive: with t_k = 1/(1 + (w/lambda_k)^2), which rises with lambda_k, and R_k =
 so that no powers of any rings draw heat from nothing if no S_m has a negative eigenvalue, which is checked.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -28,6 +29,7 @@ import numpy as np
 from scipy.sparse import diags
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.algebra.krylov import symmetric_part
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.fem import HeatProblem
 from thermofem.geometry.resistor import known_resistor, recorded
@@ -44,8 +46,6 @@ from .ring_pairs import (
     rings_of,
     with_copies,
 )
-
-_TIMES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +106,10 @@ class ArrayReduction(HasModel):
         """One channel between two rings, counted from 0, as a Foster network; its R_i may be of either sign."""
         for name, ring in (("heated", heated), ("read", read)):
             checks.integer(name, ring, 0, self.rings - 1, hint="rings are counted from 0")
-        rate = -self.model.A.diagonal()
         residue = self.model.C[read] * self.model.B[:, heated]
         used = residue != 0
-        return Foster(R=residue[used] / rate[used], tau=1 / rate[used])
+        rate = -self.model.A.diagonal()[used]
+        return Foster(R=residue[used] / rate, tau=1 / rate)
 
     @cached_property
     def half_times(self) -> Array:
@@ -117,19 +117,26 @@ class ArrayReduction(HasModel):
 
         nan where that takes more than 10 s.
         """
-        rings = range(self.rings)
-        return np.array([[_half_time(self.channel(j, i)) for j in rings] for i in rings])
+        times = np.empty((self.rings, self.rings))
+        for i, j in np.ndindex(times.shape):
+            times[i, j] = _half_time(self.channel(j, i))
+        return times
 
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        bound, centres = self.error_bound, self.positions.tolist()
-        made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": centres}
-        drawn = {}
+        provenance = {
+            **(self.model.origin or {}),
+            "method": "array reduction",
+            "tolerance": self.tolerance,
+            "error_bound": self.error_bound,
+            "positions": self.positions.tolist(),
+            "ports": list(self.model.inputs),
+        }
         if self.outlines:
-            times = [[time if time == time else None for time in row] for row in self.half_times.tolist()]
-            drawn = {"outlines": self.outlines, "half_times": times}
-        return {**(self.model.origin or {}), **made, **drawn, "ports": list(self.model.inputs)}
+            times = np.where(np.isnan(self.half_times), None, self.half_times)
+            provenance |= {"outlines": self.outlines, "half_times": times.tolist()}
+        return provenance
 
 
 def reduce_array(
@@ -173,12 +180,11 @@ def reduce_array(
     """
     tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     centres = ring_positions(positions)
-    rings = rings_of(heat, len(centres), heated, heaters)
+    names = (heaters,) if isinstance(heaters, str) else tuple(heaters)
+    rings = rings_of(heat, len(centres), heated, names)
     apart = check_positions(rings, centres)
-    names = tuple(heaters) if not isinstance(heaters, str) else (heaters,)
-    sources = [
-        _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
-    ]
+    sources = [_sources(rings, g, apart, names, tolerance) for g in range(len(rings.kinds))]
+    domain_error = max(source.domain for source in sources)
     model, bounds, poles = _assembled(sources, rings, names)
     return ArrayReduction(
         model=replace(model, origin=_origin(rings, names)),
@@ -189,17 +195,18 @@ def reduce_array(
         tolerance=tolerance,
         poles=poles,
         asymmetry=_asymmetry(sources, rings),
-        domain_error=max(source.domain for source in sources),
+        domain_error=domain_error,
     ).recorded()
 
 
 def _origin(rings: RingKinds, heaters: Sequence[str]) -> dict[str, Any]:
     """Geometry of the rings, one after the other where they differ, accuracy of their meshes, resistances."""
-    toml = [kind.heat.geometry.to_toml() for kind in rings.kinds]
+    geometries = [kind.heat.geometry for kind in rings.kinds]
+    toml = [geometry.to_toml() for geometry in geometries]
     resistors = {}
     for part in heaters:
-        for k, g in enumerate(rings.of.tolist()):
-            resistors[f"{part} {k + 1}"] = known_resistor(rings.kinds[g].heat.geometry, part)
+        for k, g in enumerate(rings.of.tolist(), 1):
+            resistors[f"{part} {k}"] = known_resistor(geometries[g], part)
     accuracy = max(kind.heat.accuracy for kind in rings.kinds)
     return {"geometry": "\n".join(toml), "mesh_accuracy": accuracy, "resistors": recorded(resistors)}
 
@@ -219,35 +226,36 @@ class Sources:
     domain: float
 
 
-def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
+def _sources(rings: RingKinds, g: int, apart: Array, heaters: Sequence[str], tolerance: float) -> Sources:
     """Reduce the heat fields of rings of kind ``g``, as every ring reads them at its distance ``apart`` [(N, N), m]."""
     row = np.zeros(apart.shape, dtype=np.intp)
-    readers = []
-    known: dict[tuple[int, int], int] = {}
-    for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
-        if g not in (rings.of[i], rings.of[j]):
+    kind = rings.of.tolist()
+    readers: dict[tuple[int, int], int] = {}  # row of each kind and distance, in units of `SAME_DISTANCE`
+    for i, j in itertools.permutations(range(len(kind)), 2):
+        if g not in (kind[i], kind[j]):
             continue
-        reader = rings.of[i] if rings.of[j] == g else rings.of[j]
-        key = (int(reader), round(float(apart[i, j]) / SAME_DISTANCE))
-        if key not in known:
-            readers.append((int(reader), key[1] * SAME_DISTANCE))
-            known[key] = len(readers)
-        row[i, j] = known[key]
-    solved, copies = with_copies(rings, g, readers)
-    read = (heated[0], *copies)
-    domain = solved.domain_error(heated[0], heated[0])
+        other = kind[i] if kind[j] == g else kind[j]
+        reader = (other, round(float(apart[i, j]) / SAME_DISTANCE))
+        row[i, j] = readers.setdefault(reader, len(readers) + 1)
+    distances = [(other, steps * SAME_DISTANCE) for other, steps in readers]
+    heat, copies = with_copies(rings, g, distances)
+    core = rings.kinds[g].part
+    read = (core, *copies)
+    domain = heat.domain_error(core, core)
     if readers:
-        far = int(np.argmax([distance for _, distance in readers]))
-        what = f"the crosstalk over {readers[far][1] * 1e6:.3g} um"
-        domain = max(domain, solved.domain_error(heated[0], copies[far], what=what))
-    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row, domain)
+        far = max(range(len(distances)), key=lambda k: distances[k][1])
+        what = f"the crosstalk over {distances[far][1] * 1e6:.3g} um"
+        domain = max(domain, heat.domain_error(core, copies[far], what=what))
+    pairs = [reduce_pairs(heat, part, read, tolerance) for part in (core, *heaters)]
+    return Sources(pairs, row, domain)
 
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """The model in which all rings read all sources; bound and number of poles of each channel, shape (N, inputs)."""
     n = len(rings.of)
     kinds = ("ring", *heaters)
-    names = [f"{kind} {j + 1}" for kind in kinds for j in range(n)]
+    names = tuple(f"{kind} {j}" for kind in kinds for j in range(1, n + 1))
+    columns = np.eye(len(names))
     bounds = np.zeros((n, len(names)))
     poles = np.zeros((n, len(names)), dtype=np.int64)
     rates = []
@@ -256,23 +264,24 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
     for column, (m, j) in enumerate(np.ndindex(len(kinds), n)):
         for g, source in enumerate(sources):
             # between rings of two kinds half of each source; heater and core are no pair that could be exchanged
+            same = rings.of == g
             if rings.of[j] == g:
-                share = np.where((rings.of == g) | (m > 0), 1.0, 0.5)
+                share = np.where(same | (m > 0), 1.0, 0.5)
             else:
-                share = np.where((rings.of == g) & (m == 0), 0.5, 0.0)
+                share = np.where(same & (m == 0), 0.5, 0.0)
             used = share > 0
             if not used.any():
                 continue
-            pair, rows = source.pairs[m], source.row[:, j]
-            rates.append(pair.rate)
-            inputs.append(np.outer(pair.source, np.arange(len(names)) == column))
-            outputs.append(share[:, None] * pair.read[rows])
-            bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
-            poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
-    rate = np.concatenate(rates)
+            pairs = source.pairs[m]
+            rows = source.row[:, j]
+            read = pairs.read[rows]
+            rates.append(pairs.rate)
+            inputs.append(np.outer(pairs.source, columns[column]))
+            outputs.append(share[:, None] * read)
+            bounds[:, column] = np.maximum(bounds[:, column], used * pairs.bound[rows])
+            poles[:, column] += used * np.count_nonzero(read, axis=1)
     B = np.vstack(inputs)
-    outs = tuple(f"ring {i + 1}" for i in range(n))
-    model = diagonal_system(rate, B, np.hstack(outputs), tuple(names), outs)
+    model = diagonal_system(np.concatenate(rates), B, np.hstack(outputs), names, names[:n])
     return model, bounds, poles
 
 
@@ -285,36 +294,43 @@ def diagonal_system(rate: Array, B: Array, C: Array, inputs: tuple[str, ...], ou
 def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
     """Largest relative difference between the static gains i to j and j to i of two rings of different kind."""
     worst = 0.0
-    for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
+    for i, j in np.argwhere(rings.of[:, None] < rings.of):
         there = _static_gain(sources[rings.of[i]], i, j)
         back = _static_gain(sources[rings.of[j]], i, j)
-        worst = max(worst, abs(there - back) / abs(there + back) * 2)
+        mean = abs(there + back) / 2
+        worst = max(worst, abs(there - back) / mean)
     return worst
 
 
 def _static_gain(source: Sources, i: int, j: int) -> float:
     """Static gain in K/W between the rings i and j, by the heat of one kind of source."""
-    pair = source.pairs[0]
-    return float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
+    pairs = source.pairs[0]
+    read = pairs.read[source.row[i, j]]
+    return float(np.sum(read * pairs.source / pairs.rate))
 
 
 def is_passive(model: StateSpace) -> bool:
     """Whether summed static gains of the fastest poles, however many, have no negative eigenvalue; see the module."""
     n = len(model.outputs)
     rate = -model.A.diagonal()
-    values, which = np.unique(rate, return_inverse=True)
-    total, least = np.zeros((n, n)), np.inf
-    for k in range(values.size - 1, -1, -1):
-        here = which == k
-        total = total + model.C[:, here] @ model.B[here, :n] / values[k]
-        least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
-    return least >= -1e-14 * float(model.gain.max())  # 1e-14 of the largest R_th: an eigenvalue that is 0
+    total = np.zeros((n, n))
+    round_off = 1e-14 * float(model.gain.max())  # of the largest R_th: an eigenvalue that is 0
+    for value in np.unique(rate)[::-1]:
+        modes = rate == value
+        total += model.C[:, modes] @ model.B[modes, :n] / value
+        smallest, *_ = np.linalg.eigvalsh(symmetric_part(total))
+        if smallest < -round_off:
+            return False
+    return True
 
 
 def _half_time(channel: Foster) -> float:
     """Time in s after which a step response has half of its final value; nan where that takes more than 10 s."""
-    rise = channel.step_response(_TIMES) / channel.thermal_resistance
+    times = np.geomspace(1e-13, 10, 560)
+    rise = channel.step_response(times) / channel.thermal_resistance
     if not rise[-1] >= 0.5:
         return float("nan")
     k = max(int(np.argmax(rise >= 0.5)), 1)
-    return float(np.exp(np.interp(0.5, rise[k - 1 : k + 1], np.log(_TIMES[k - 1 : k + 1]))))
+    around = slice(k - 1, k + 1)
+    log_time = np.interp(0.5, rise[around], np.log(times[around]))
+    return float(np.exp(log_time))

@@ -59,8 +59,8 @@ class Truncation(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        origin = dict(self.model.origin or {})
-        return origin | {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
+        method = "balanced truncation, static gain restored"
+        return {**(self.model.origin or {}), "method": method, "error_bound": self.error_bound}
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
@@ -102,13 +102,15 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     static = float(gain[heated, read])
     of_parts = gain.diagonal()
     gramian = (F / of_parts) @ F.T / (rate[:, None] + rate)
-    sigma, U = np.linalg.eigh(gramian)
-    sigma = np.maximum(sigma[::-1], 0) * np.sqrt(of_parts[heated] * of_parts[read])
+    square, U = np.linalg.eigh(gramian)
+    scale = np.sqrt(of_parts[heated] * of_parts[read])
+    sigma = np.maximum(square[::-1], 0) * scale
     balanced = U[:, ::-1][:, :order]
     slow, Z = np.linalg.eigh(balanced.T @ (rate[:, None] * balanced))
     modes = balanced @ Z
     at_read = F[:, read] @ modes
-    R = (F[:, heated] @ modes) * at_read / slow
+    at_heated = F[:, heated] @ modes
+    R = at_heated * at_read / slow
     total = float(R.sum())
     if abs(static - total) > 0.5 * abs(static):
         raise checks.InputError(f"order = {order} keeps {total / static:.0%} of the static gain; take more poles")
@@ -116,8 +118,7 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     certificate = float(fine.certificate.top.max())
     alpha = static / total
     restoring = abs(alpha - 1) * float(np.abs(R).sum())  # between two parts R_i of either sign: |H_r| may exceed H_r(0)
-    names: dict[str, Any] = {"inputs": system.inputs, "outputs": system.outputs, "origin": system.origin}
-    model = Foster(R=alpha * R[::-1], tau=1 / slow[::-1], **names)
+    model = Foster(alpha * R[::-1], 1 / slow[::-1], system.inputs, system.outputs, origin=system.origin)
     basis = fine.basis @ modes[:, ::-1] / at_read[::-1]
     return Truncation(
         model=model,

@@ -50,7 +50,9 @@ Indices = NDArray[np.intp]
 
 PER_DECADE = 60
 BEYOND = 1e3  # the samples reach this factor below the slowest and above the fastest rate of the reduced model
-ROUND_OFF = 1e-9  # of the ports' own gains: what solves leave at worst (measured 1e-12..1e-9); no bound is below it
+SOLVE_ROUND_OFF = (
+    1e-9  # of the ports' own gains: what solves leave at worst (measured 1e-12..1e-9); no bound is below it
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,19 +113,20 @@ def certify(
     solutions: Sequence[Array],
     *,
     pairs: tuple[Indices, Indices],
-    per_decade: int | None = None,
+    per_decade: int = PER_DECADE,
 ) -> Certificate:
     """Bound the error of a projection.
 
     shifts [1/s]: any of those at which the space was built, but 0.
     solutions [shape (n, q)]: (K + s_j M)^-1 Q for each of ``shifts``; fewer shifts give a looser bound.
     pairs [two arrays of int, shape (c,)]: the two ports of each channel.
-    per_decade: samples; default `PER_DECADE`.
+    per_decade: samples.
     """
-    omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
+    omega = _frequencies(projection, shifts, per_decade)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
-    return _certificate(projection, omega, _bounds(omega, shifts, grams, phi, pairs), pairs)
+    bounds = _bounds(omega, shifts, grams, phi, pairs)
+    return _certificate(projection, omega, bounds, pairs)
 
 
 def certify_defect(
@@ -170,13 +173,14 @@ def leftover(projection: Projection, defect: Array, weight: Array) -> float:
     D = root * defect
     G = Q.T @ D
     L = D - Q @ G
-    ports = Q.T @ (root * (projection.remainder @ projection.shares))
+    Rhat = projection.remainder @ projection.shares
+    ports = Q.T @ (root * Rhat)
     gram = L.T @ L
     low, high = projection.rate[[0, -1]]
     count = int(4 * np.log10(100 * high / low)) + 2
+    omega = np.geomspace(low / 10, high * 10, count)
     worst = 0.0
-    for omega in np.geomspace(low / 10, high * 10, count):
-        Y = projection.ports / (projection.rate + 1j * omega)[:, None]
+    for Y in projection.reduced(omega):
         inside = np.linalg.norm(ports - G @ Y, axis=0)
         square = np.einsum("ia,ij,ja->a", Y.conj(), gram, Y).real
         outside = np.sqrt(np.maximum(square, 0))
@@ -209,8 +213,9 @@ def _bounds(
         products.append(np.sqrt(square[:, a] * square[:, b]))
     bounds = []
     for j, k in combinations_with_replacement(range(len(shifts)), 2):
-        rho = _rho(omega, shifts[j], shifts[k])[:, None]
-        bounds.append(np.sqrt(products[j] * products[k]) / rho)
+        rho = _rho(omega, shifts[j], shifts[k])
+        product = np.sqrt(products[j] * products[k])
+        bounds.append(product / rho[:, None])
     return np.array(bounds)
 
 
@@ -219,12 +224,13 @@ def _certificate(projection: Projection, omega: Array, bounds: Array, pairs: tup
     a, b = pairs
     k = projection.rate.size
     static = projection.gain.diagonal()
-    bounds = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
+    bounds = np.maximum(bounds, SOLVE_ROUND_OFF * np.sqrt(static[a] * static[b]))
     smallest = bounds.min(axis=0)
     step = np.log(omega[1] / omega[0])
-    larger = np.maximum(bounds[:, 1:], bounds[:, :-1]).min(axis=0)  # of the two ends of each interval
-    between = larger * np.exp(k * step**2 / 8)
-    beyond = np.maximum(smallest[0], smallest[-1]) * (1 + k / BEYOND**2)
+    larger = np.maximum(bounds[:, 1:], bounds[:, :-1])  # of the two ends of each interval
+    between = larger.min(axis=0) * np.exp(k * step**2 / 8)
+    ends = np.maximum(smallest[0], smallest[-1])
+    beyond = ends * (1 + k / BEYOND**2)
     top = np.maximum(between.max(axis=0), beyond)
     return Certificate(omega, smallest, top)
 
@@ -233,7 +239,8 @@ def _rho(omega: Array, s: float, t: float) -> Array:
     """rho_jl of shifts s, t: least sqrt(lambda^2 + w^2)/sqrt((lambda + s)(lambda + t)), lambda >= 0; shape (m,)."""
     c = s * t / omega**2
     d = (s + t) / omega
-    return np.asarray(np.sqrt(2 / (1 + c + np.hypot(1 - c, d))))
+    inverse_square = (1 + c + np.hypot(1 - c, d)) / 2
+    return np.asarray(1 / np.sqrt(inverse_square))
 
 
 def _phi(projection: Projection, shift: float, solution: Array, gram: Array, omega: Array) -> NDArray[np.complex128]:
@@ -264,7 +271,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         for k in range(_static(tolerance)):
             fields = self.solve(0)
             gains = ports * fields  # b^T K^-1 b of each port b, before the sum
-            least = ROUND_OFF * np.abs(gains).sum(axis=0)
+            least = SOLVE_ROUND_OFF * np.abs(gains).sum(axis=0)
             if k == 0 and np.any(gains.sum(axis=0) <= least):
                 raise checks.InputError(
                     "-A is not positive definite (a static gain is not positive); is a boundary held?"
@@ -278,7 +285,7 @@ class CertifiedSpace(krylov.KrylovSpace):
     @property
     def exhausted(self) -> bool:
         """Whether the basis contains every port up to round-off: Phi is then lost, and `certify_defect` is needed."""
-        return not _left(self.remainder, self.B).any()
+        return not _outside(self.remainder, self.B).any()
 
     @property
     def defect(self) -> Array:
@@ -298,11 +305,11 @@ class CertifiedSpace(krylov.KrylovSpace):
 
         The columns are (K + s M)^-1 times the residual at s: the same direction as `solve`, above round-off for longer.
         """
-        j = 1 + self.visits % self.growing
-        self.visits += 1
-        Y = self.projection.ports / (self.projection.rate + self.shifts[j])[:, None]
+        j = self._next_shift()
+        shifted = self.projection.rate + self.shifts[j]
+        Y = self.projection.ports / shifted[:, None]
         residual = self.remainder - self.defect @ Y
-        residual = residual[:, _left(residual, self.B)]
+        residual = residual[:, _outside(residual, self.B)]
         self.solves += residual.shape[1]
         columns = self.apply(j, residual)
         errors = np.einsum("ij,ij->j", residual, columns)
@@ -317,9 +324,13 @@ class CertifiedSpace(krylov.KrylovSpace):
 
     def solve_next(self) -> tuple[int, Array]:
         """Index of the next shift, and the solution there, which certifies the basis so far and then extends it."""
+        j = self._next_shift()
+        return j, self.solve(j)
+
+    def _next_shift(self) -> int:
         j = 1 + self.visits % self.growing
         self.visits += 1
-        return j, self.solve(j)
+        return j
 
     def extend(self, W: Array) -> bool:
         """Add the columns of W, made orthogonal to the basis, and project; False if they lie in the basis."""
@@ -336,7 +347,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return True
 
 
-def _left(remainder: Array, ports: Array) -> NDArray[np.bool_]:
+def _outside(remainder: Array, ports: Array) -> NDArray[np.bool_]:
     """Which ports the basis does not contain up to round-off, shape (p,)."""
     least = EXHAUSTED * np.linalg.norm(ports, axis=0)
     return np.asarray(np.linalg.norm(remainder, axis=0) > least)
@@ -347,16 +358,15 @@ def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
 
     A port that the basis contains up to round-off has zeros in T; a single port stays as it is.
     """
-    if remainder.shape[1] == 1:
-        return remainder, np.eye(1)
-    outside = np.flatnonzero(_left(remainder, ports))
-    if not outside.size:
-        return remainder, np.eye(remainder.shape[1])
+    count = remainder.shape[1]
+    outside = np.flatnonzero(_outside(remainder, ports))
+    if count == 1 or not outside.size:
+        return remainder, np.eye(count)
     columns = remainder[:, outside]
     size = np.linalg.norm(columns, axis=0)
     Q, T, order = qr(columns / size, mode="economic", pivoting=True)
     independent = np.abs(T.diagonal()) > EXHAUSTED
-    shares = np.zeros((int(independent.sum()), remainder.shape[1]))
+    shares = np.zeros((independent.sum(), count))
     shares[:, outside[order]] = T[independent] * size[order]
     return np.ascontiguousarray(Q[:, independent]), shares
 
@@ -389,4 +399,5 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> t
     # 200.0: between two shifts: beyond, the bound in their middle is three times the error (measured)
     wide = count == 2 and high > 200.0 * low
     between = [np.sqrt(low * high)] if wide else []
-    return np.concatenate([[0.0], np.geomspace(low, high, count), between]), count
+    growing = np.geomspace(low, high, count)
+    return np.array([0.0, *growing, *between]), count

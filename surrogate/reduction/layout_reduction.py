@@ -89,10 +89,11 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     layout = Layout.of(shapes, tolerance)
     omega = layout.frequencies(tolerance)
     H, error = layout.response(omega)
-    own = H[0].real.diagonal()
-    reference = np.abs(H[0].real) + FLOOR * np.maximum.outer(own, own)
+    static = H[0].real
+    own = static.diagonal()
+    reference = np.abs(static) + FLOOR * np.maximum.outer(own, own)
     poles = fitted(H, omega, layout.stack.slowest, reference, tolerance)
-    worst = float(poles.error.max())
+    worst = poles.error.max()
     if worst > tolerance:
         raise InputError(f"tolerance = {tolerance:g} is out of reach: the poles leave {worst:.1e}; loosen it")
     bounds = poles.error + error / reference
@@ -137,40 +138,41 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
     """
     begin = ABOVE * (slowest or ENDLESS / ABOVE)
     allowed = tolerance * np.where(np.eye(H.shape[1]) > 0, OWN, CROSS)
-    tried: list[Poles] = []
+    fits: list[Poles] = []
     excess: list[float] = []
     for ratio in RATIOS:
         count = int(np.log(omega[-1] / begin) / np.log(ratio)) + 2
-        rate = np.asarray(slowest + begin * ratio ** np.arange(count), dtype=float)
+        rate = slowest + begin * ratio ** np.arange(count)
         poles = _fit(H, omega, rate, reference)
-        tried.append(poles)
+        fits.append(poles)
         excess.append(float((poles.error / allowed).max()))
         if excess[-1] <= 1:
             break
     # 2: where more poles gain less than that, a wide shape has no better fit, and few poles keep a model small
     enough = max(1.0, 2 * min(excess))
-    for poles, one in zip(tried, excess, strict=True):
-        if one <= enough and poles.error.max() <= tolerance:
+    for poles, times_allowed in zip(fits, excess, strict=True):
+        if times_allowed <= enough and poles.error.max() <= tolerance:
             return poles
-    return tried[int(np.argmin(excess))]
+    return fits[int(np.argmin(excess))]
 
 
 def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     """Least squares over the frequencies, of the own rises with positive residues, made passive."""
     upper = np.triu_indices(H.shape[1])
-    target = H[:, upper[0], upper[1]] / reference[upper]
-    rows = np.concatenate([target.real, target.imag, STIFF * target[:1].real])
+    scale = reference[upper]
+    target = H[:, *upper] / scale
+    static = target[0].real
+    rows = np.vstack([target.real, target.imag, STIFF * static])
     responses = 1 / (1 + 1j * omega[:, None] / rate)
-    static = np.full((1, rate.size), STIFF)
-    columns = np.concatenate([responses.real, responses.imag, static])
-    ridge = np.concatenate([columns, RIDGE * np.eye(rate.size)])
-    nothing = np.zeros((rate.size, rows.shape[1]))
-    aims = np.concatenate([rows, nothing])
-    share = np.linalg.lstsq(ridge, aims, rcond=None)[0]
+    columns = np.vstack([responses.real, responses.imag, np.full(rate.size, STIFF)])
+    ridge = np.vstack([columns, RIDGE * np.eye(rate.size)])
+    nothing = np.zeros((rate.size, scale.size))
+    aims = np.vstack([rows, nothing])
+    share, *_ = np.linalg.lstsq(ridge, aims, rcond=None)
     for k in np.flatnonzero(upper[0] == upper[1]):
-        share[:, k] = nnls(columns, rows[:, k], maxiter=CHANGES * rate.size)[0]
-    share *= target[0].real / share.sum(axis=0)
-    residue = _passive(_square(share * reference[upper], upper))
+        share[:, k], _ = nnls(columns, rows[:, k], maxiter=CHANGES * rate.size)
+    share *= static / share.sum(axis=0)
+    residue = _passive(_square(share * scale, upper))
     off = np.tensordot(responses, residue, 1) - H
     error = np.abs(off).max(axis=0) / reference
     return Poles(rate, residue, error)
@@ -186,9 +188,11 @@ def _passive(residue: Array) -> Array:
     least = np.linalg.eigvalsh(sums)[:, 0]
     lack = np.maximum.accumulate(np.maximum(0.0, -LACK * least))
     more = np.diff(lack, prepend=0.0)[::-1]
-    result = residue + more[:, None, None] * np.eye(residue.shape[1])
     own = np.arange(residue.shape[1])
-    result[residue[:, own, own].argmax(axis=0), own, own] -= lack[-1]
+    largest = residue[:, own, own].argmax(axis=0)
+    result = residue.copy()
+    result[:, own, own] += more[:, None]
+    result[largest, own, own] -= lack[-1]
     return result
 
 
@@ -206,5 +210,5 @@ def _model(rate: Array, residue: Array, names: Sequence[str]) -> StateSpace:
     """The system in which every shape drives its own poles, and all shapes read them."""
     n = len(names)
     drives = np.repeat(np.eye(n), rate.size, axis=0)
-    reads = np.concatenate([residue[:, :, j].T * rate for j in range(n)], axis=1)
+    reads = np.hstack([residue[:, :, j].T * rate for j in range(n)])
     return diagonal_system(np.tile(rate, n), drives, reads, tuple(names), tuple(names))

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, compress
 from typing import Any
 
 import numpy as np
@@ -71,28 +71,34 @@ class Layout:
         polygons = np.array([shape.polygon for shape in shapes])
         apart = shapely.distance(polygons[:, None], polygons) / UM
         along = np.diag([shape.length for shape in shapes])
-        for i, j in zip(*np.nonzero(np.triu(apart == 0.0, 1) | np.triu(_same_section(shapes), 1)), strict=True):
+        for i, j in combinations(range(len(shapes)), 2):
             along[i, j] = along[j, i] = _length_along(shapes[i], shapes[j])
         _check_places(shapes, along, apart)
         _check_parts(shapes, along, apart)
         sections: dict[tuple[int, int], Local] = {}
-        for i, j in zip(*np.nonzero(np.triu(along)), strict=True):
-            beside = [k for k in range(len(shapes)) if k in (i, j) or along[i, k] > HALF * shapes[i].length]
-            section = _section_at(shapes[i], [shapes[k] for k in beside], shapes)
-            parts = (str(shapes[i].part), str(shapes[j].part))
+        for i, j in np.argwhere(np.triu(along)).tolist():
+            shape = shapes[i]
+            beside = along[i] > HALF * shape.length
+            beside[[i, j]] = True
+            section = _section_at(shape, list(compress(shapes, beside)), shapes)
+            parts = (str(shape.part), str(shapes[j].part))
             sections[i, j] = _solved(section, parts, SECTION * tolerance)
         spreads = [Spread.of(shape) for shape in shapes]
-        return cls(shapes, along, apart, sections, spreads, Stack.of(shapes[0].section))
+        stack = Stack.of(shapes[0].section)
+        return cls(shapes, along, apart, sections, spreads, stack)
 
     def frequencies(self, tolerance: float) -> Array:
         """0, and angular frequencies in rad/s up to where every own rise is below a tenth of the tolerance."""
         low = 0.1 * (self.stack.slowest or ENDLESS)
-        omega = np.concatenate([[0.0], np.geomspace(low, 1e16, round(FREQUENCIES_PER_DECADE * np.log10(1e16 / low)))])
+        high = 1e16
+        count = round(FREQUENCIES_PER_DECADE * np.log10(high / low))
+        omega = np.append(0.0, np.geomspace(low, high, count))
         needed = 2
         for (i, j), local in self.locals.items():
             if i == j:
                 size = np.abs(local.impedance(omega))
-                needed = max(needed, int(np.argmax(size < 0.1 * tolerance * size[0])))
+                small = size < 0.1 * tolerance * size[0]
+                needed = max(needed, int(small.argmax()))
         return omega[: needed + 1]
 
     def response(self, omega: Array) -> tuple[Complex, Array]:
@@ -106,18 +112,20 @@ class Layout:
             r, G = self.stack.over_distance(s, heated, read)
             rough, G0 = self.stack.over_distance(s[:1], heated, read, DISTANCES // 2)
             for i, j in pairs:
-                one, other = self.shapes[i], self.shapes[j]
-                pitch = None if i == j or self.apart[i, j] == 0.0 else self.apart[i, j] / PER_GAP
-                mean = G @ distances(points_of(one, pitch), points_of(other, pitch), r)
-                coarse = G0 @ distances(points_of(one, pitch, fewer=True), points_of(other, pitch, fewer=True), rough)
+                shapes = self.shapes[i], self.shapes[j]
+                gap = self.apart[i, j]
+                pitch = gap / PER_GAP if gap else None
+                mean = G @ distances(*(points_of(shape, pitch) for shape in shapes), r)
+                coarse = G0 @ distances(*(points_of(shape, pitch, fewer=True) for shape in shapes), rough)
                 H[:, i, j] = mean
                 # a third: of a rule of second order, as on open lines, half of the points err by four times as much
                 error[i, j] = abs(coarse[0] - mean[0]) / 3
                 if (i, j) in lines:
-                    share = self.along[i, j] / (one.length * other.length)
+                    share = self.along[i, j] / (shapes[0].length * shapes[1].length)
                     H[:, i, j] += share * lines[i, j]
                     local = self.locals[i, j]
-                    error[i, j] += share * local.error * abs(local.impedance(omega[:1])[0])
+                    (static,) = np.abs(local.impedance(omega[:1]))
+                    error[i, j] += share * local.error * static
                 H[:, j, i] = H[:, i, j]
         error = np.maximum(error, error.T) + self._neglected() * np.abs(H[0])
         return H, error
@@ -147,35 +155,32 @@ class Layout:
     def _kinds(self) -> list[tuple[list[tuple[int, int]], Spread, Spread]]:
         """Pairs of shapes with equal spreads; of shapes apart only the heights count, and one lane serves all."""
         groups: dict[Any, list[tuple[int, int]]] = {}
-        spreads: dict[Any, tuple[Spread, Spread]] = {}
+        spreads: dict[Any, list[Spread]] = {}
         for i, j in combinations_with_replacement(range(len(self.shapes)), 2):
-            both = (self.spreads[i], self.spreads[j])
+            both = [self.spreads[i], self.spreads[j]]
             if self.along[i, j] == 0.0 and self.apart[i, j] > 0.0:
-                both = (replace(both[0], sigma=LANE_SIGMA), replace(both[1], sigma=LANE_SIGMA))
+                both = [replace(spread, sigma=LANE_SIGMA) for spread in both]
             kind = tuple(sorted((*spread.z, spread.sigma) for spread in both))
             groups.setdefault(kind, []).append((i, j))
             spreads[kind] = both
         return [(pairs, *spreads[kind]) for kind, pairs in groups.items()]
 
 
-def _same_section(shapes: Sequence[Shape]) -> Array:
-    """Which two shapes are different parts of one section, shape (N, N)."""
-    return np.array([[a.section == b.section and a.part != b.part for b in shapes] for a in shapes])
-
-
-def _length_along(one: Shape, other: Shape) -> float:
-    """Length in m of the part of ``one`` that runs along ``other`` as their parts do in the section."""
-    if one.section != other.section or one.part == other.part:
+def _length_along(first: Shape, second: Shape) -> float:
+    """Length in m of the part of one shape that runs along another one as their parts do in the section."""
+    if first.section != second.section or first.part == second.part:
         return 0.0
-    first, second = (one, other) if one.line is not None else (other, one)
+    if first.line is None:
+        first, second = second, first
     if first.line is None:
         return 0.0
     offset = abs(float(first.drawn.x or 0.0) - float(second.drawn.x or 0.0))
-    middle = shapely.points(centre_points(first, 400) * UM)
-    depth = shapely.distance(middle, second.polygon.boundary) / UM
-    inside = shapely.contains_xy(second.polygon, shapely.get_x(middle), shapely.get_y(middle))
-    depth = np.where(inside, depth, -depth)
-    hits = np.abs(depth - (second.width / 2 - offset)) < MATCH * second.width
+    middle = centre_points(first, 400) * UM
+    away = shapely.distance(shapely.points(middle), second.polygon.boundary) / UM
+    inside = shapely.contains_xy(second.polygon, *middle.T)
+    depth = np.where(inside, away, -away)
+    difference = np.abs(depth - (second.width / 2 - offset))
+    hits = difference < MATCH * second.width
     return float(hits.mean() * first.length)
 
 
@@ -184,13 +189,14 @@ def _check_places(shapes: Sequence[Shape], along: Array, apart: Array) -> None:
     for i, j in combinations(range(len(shapes)), 2):
         if along[i, j] > 0:
             continue
-        one, other = shapes[i].drawn, shapes[j].drawn
+        first = shapes[i].drawn
+        second = shapes[j].drawn
         who = f"shapes {shapes[i].name!r} and {shapes[j].name!r}"
-        above = max(one.bottom - other.top, other.bottom - one.top, 0.0)
-        if apart[i, j] == 0.0 and above == 0.0:
+        above = max(first.bottom - second.top, second.bottom - first.top, 0.0)
+        gap = np.hypot(apart[i, j], above)
+        if not gap:
             raise InputError(f"{who} cross: they lie at one height, and their outlines overlap; move one of them")
-        gap = float(np.hypot(apart[i, j], above))
-        thick = max(min(part.height, float(part.width or 0.0)) for part in (one, other))
+        thick = max(min(part.height, float(part.width or 0.0)) for part in (first, second))
         if gap < thick:
             raise InputError(
                 f"{who} are {gap:g} m apart, closer than the {thick:g} m that they are thick; make them parts of one "
@@ -202,9 +208,11 @@ def _check_parts(shapes: Sequence[Shape], along: Array, apart: Array) -> None:
     """Raise InputError for a part that is no shape and reaches beyond half of the way to the next shape."""
     drawn = {shape.part for shape in shapes}
     for i, shape in enumerate(shapes):
-        nearest = float(np.min(apart[i], where=along[i] == 0.0, initial=math.inf))
+        nearest = np.min(apart[i], where=along[i] == 0.0, initial=math.inf)
+        middle = float(shape.drawn.x or 0.0)
         for part in shape.section.parts:
-            beyond = float(np.abs(part.outline()[:, 0] - float(shape.drawn.x or 0.0)).max()) - shape.width / 2
+            reach = np.abs(part.outline()[:, 0] - middle).max()
+            beyond = reach - shape.width / 2
             if part.name not in drawn and beyond > nearest / 2:
                 raise InputError(
                     f"shape {shape.name!r}: part {part.name!r} of its section reaches {beyond:g} m beyond it; the next "
@@ -227,18 +235,9 @@ def _section_at(shape: Shape, beside: Sequence[Shape], shapes: Sequence[Shape]) 
             cut = present.get(part.name, part)
             parts.append(replace(cut, x=float(cut.x or 0.0) - middle, inner_radius=math.nan, outer_radius=math.nan))
     names = {part.name for part in parts}
-    interfaces = tuple(one for one in section.interfaces if one.part in names)
-    bottom = ISOTHERMAL if section.bottom.kind == "open" else section.bottom
-    return replace(
-        section,
-        parts=tuple(parts),
-        interfaces=interfaces,
-        bottom=bottom,
-        outer=INSULATED,
-        probes=(),
-        light=None,
-        buses=(),
-    )
+    interfaces = tuple(contact for contact in section.interfaces if contact.part in names)
+    closed = replace(section, bottom=ISOTHERMAL) if section.bottom.kind == "open" else section
+    return replace(closed, parts=tuple(parts), interfaces=interfaces, outer=INSULATED, probes=(), light=None, buses=())
 
 
 @lru_cache(64)
@@ -249,5 +248,5 @@ def _solved(section: CrossSection, parts: tuple[str, str], accuracy: float) -> L
     reduction = reduce(heat.channels(heated, read), accuracy)
     poles = reduction.dynamics
     error = heat.mesh_error(heated, read) + reduction.error_bound
-    length = float(section.length or 1.0)
-    return Local(replace(poles, R=np.asarray(poles.R) * length), section.outer_radius, error)
+    R = np.asarray(poles.R) * float(section.length or 1.0)
+    return Local(replace(poles, R=R), section.outer_radius, error)

@@ -75,7 +75,7 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
         linear = reduce(system.linear, 1e-4).model  # type: ignore[assignment]  # one channel: a Foster network
     powers = np.array([power / 2, power])
     z = system.thermal_resistance * powers
-    rise = np.array([float(system.steady_rise(p)[0]) for p in powers])
+    (rise,) = np.transpose([system.steady_rise(p) for p in powers])
     return _mapped(linear, z, rise, "output map of k(T) steady states")  # type: ignore[arg-type]
 
 
@@ -97,21 +97,18 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     responses = responses_of(data)
     warn_of(responses)
     rate = 1 / np.asarray(linear.tau)
-    parts = []
-    for d in responses:
-        phi = pole_responses(rate, d.wave, d.times, periodic=d.periodic)
-        parts.append(phi @ linear.gain)
+    phi = np.vstack([pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in responses])
     rise = np.concatenate([d.rise for d in responses])
-    return _mapped(linear, np.concatenate(parts), rise, "output map of a linear model, fitted to data")
+    return _mapped(linear, phi @ linear.gain, rise, "output map of a linear model, fitted to data")
 
 
 def _mapped(linear: Foster, z: Array, rise: Array, method: str) -> OutputMap:
     """The output map by least squares from the rises z of a linear model, with the provenance of that model."""
     square = z**2
-    coefficient = float((rise - z) @ square / (square @ square))
+    beyond = rise - z
+    coefficient = float(beyond @ square / (square @ square))
     origin = dict(linear.origin or {})
-    origin["linear_method"] = origin.get("method")
-    origin["method"] = method
+    origin |= {"linear_method": origin.get("method"), "method": method}
     return OutputMap(linear, coefficient, float(rise.max()), origin)
 
 
@@ -154,9 +151,12 @@ class QuadraticReduction(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        method = "quadratic Galerkin reduction"
-        made = {"method": method, "power_W": self.power, "static_error": self.static_error}
-        return {**(self.model.origin or {}), **made}
+        return {
+            **(self.model.origin or {}),
+            "method": "quadratic Galerkin reduction",
+            "power_W": self.power,
+            "static_error": self.static_error,
+        }
 
 
 def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float = 1e-4) -> QuadraticReduction:
@@ -190,22 +190,17 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     half = system.steady_state(power / 2)
     rom = reduce(system.linear, tolerance)
     fields = [rom.basis, full]
-    if not system.content.laws:
-        fields.append(_hot_basis(system, full))
+    if not system.content.laws:  # the reduction linearised about the steady field, the Jacobian symmetrised
+        slope = symmetric_part(system.flow.jacobian(full))
+        # 0.1: tolerance of that reduction: 4 to 6 vectors more
+        hot = reduce(replace(system.linear, A=-slope), 0.1)
+        fields.append(hot.basis)
     rate, V = _modes(system, np.column_stack(fields))
     model = _quadratic_form(system, rate, V, [(full, power), (half, power / 2)])
     between = 0.75 * power
-    exact = float(system.steady_rise(between)[0])
-    error = abs(float(model.steady_rise(between)) / exact - 1)
+    (exact,) = system.steady_rise(between)
+    error = abs(float(model.steady_rise(between) / exact) - 1)
     return QuadraticReduction(replace(model, origin=system.linear.origin), rom, power, error, V).recorded()
-
-
-def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:
-    """Rational Krylov basis of the heat equation linearised about a steady field; the Jacobian is symmetrised."""
-    slope = system.flow.jacobian(steady)
-    linearised = replace(system.linear, A=-(slope + slope.T) / 2)
-    # 0.1: tolerance of the reduction about the steady field: 4 to 6 vectors more
-    return reduce(linearised, 0.1).basis
 
 
 def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
@@ -215,7 +210,8 @@ def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
     fields = fields / np.sqrt(squares)
     size, turn = np.linalg.eigh(fields.T @ (E @ fields))
     new = size > 1e-8 * size[-1]  # 1e-8 of the largest: below, a direction of the basis is in the span of the others
-    V = fields @ (turn[:, new] / np.sqrt(size[new]))
+    directions = turn[:, new] / np.sqrt(size[new])
+    V = fields @ directions
     stiffness = -V.T @ (system.linear.A @ V)
     rate, Z = np.linalg.eigh(symmetric_part(stiffness))
     return rate, V @ Z
@@ -249,9 +245,10 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
     terms = []
     for x, power in steady:
         rise = float(linear.C[0] @ x)
-        state = np.append(V.T @ (linear.E @ x), rise**2 / y)
+        w = rise**2 / y
+        modes = V.T @ (linear.E @ x)
+        state = np.append(modes, w)
         driven = A @ state + (H @ state) @ state + power * (G @ state + B)
-        *modes, w = state
         missing.append(-driven[:n] - w * (N @ modes))
         terms.append([w * rise, w**2])
     p, q = np.linalg.solve(terms, missing)
@@ -268,7 +265,7 @@ def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     shares = np.array([0.5, 1.0])
     Q = np.zeros((k, k, k))
     for law, at, block in system.flow.parts():
-        hottest = float(np.abs(steady[at]).max())
+        hottest = np.abs(steady[at]).max()
         integral = law.integral(T0, hottest * shares) / law.factor(T0)
         half, whole = integral / hottest - shares
         a = (8 * half - whole) / hottest

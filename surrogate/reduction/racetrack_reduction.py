@@ -9,6 +9,7 @@ with Z the rise by the power per length of the straight section, reduced with a 
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import block_diag
@@ -53,22 +54,21 @@ def _with_light(layout: ArrayReduction, shapes: tuple[Shape, ...], guide: str, t
             f"the light of a racetrack is read beside the mean of its core, and {guide!r} is not heated",
             "give that part heated = true",
         )
+    core = names.index(guide)
     section = shapes[0].section
     heat = assemble(section, SECTION * tolerance)
     local = reduce(heat.channels(names, (guide, LIGHT)), SECTION * tolerance)
-    section_model = local.model
-    assert isinstance(section_model, StateSpace)  # it has two outputs
+    straight: Any = local.model  # two outputs: a StateSpace
     whole = layout.model
     lengths = np.array([shape.length for shape in shapes])
-    heated = section_model.B * (float(section.length or 1.0) / lengths)
-    core = whole.C[names.index(guide)]
-    difference = section_model.C[1] - section_model.C[0]
+    heated = straight.B * (float(section.length or 1.0) / lengths)
+    difference = straight.C[1] - straight.C[0]
     read = np.zeros((len(names) + 1, whole.order + local.order))
     read[:-1, : whole.order] = whole.C
-    read[-1] = np.concatenate([core, difference])
+    read[-1] = np.concatenate([whole.C[core], difference])
     model = StateSpace(
-        E=block_diag([whole.E, section_model.E], format="csr"),
-        A=block_diag([whole.A, section_model.A], format="csr"),
+        E=block_diag([whole.E, straight.E], format="csr"),
+        A=block_diag([whole.A, straight.A], format="csr"),
         B=np.concatenate([whole.B, heated]),
         C=read,
         inputs=whole.inputs,
@@ -76,5 +76,6 @@ def _with_light(layout: ArrayReduction, shapes: tuple[Shape, ...], guide: str, t
         origin=whole.origin,
     )
     mesh = max(heat.mesh_error(name, LIGHT) for name in names)
-    bounds = np.vstack([layout.channel_bounds, layout.channel_bounds[names.index(guide)] + local.error_bound + mesh])
+    of_light = layout.channel_bounds[core] + local.error_bound + mesh
+    bounds = np.vstack([layout.channel_bounds, of_light])
     return replace(layout, model=model, channel_bounds=bounds, error_bound=float(bounds.max()))

@@ -25,7 +25,6 @@ from thermofem.models import HasModel
 
 from .certified_space import Certificate, CertifiedSpace, Indices, Projection, certify, certify_defect, leftover
 
-ZERO_PORT = 1e-50  # of the entries of an input or output
 MOST_COLUMNS = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
 FEW = 4  # samples per decade for that
@@ -76,13 +75,14 @@ class Reduction(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
+        names = {*self.model.inputs, *self.model.outputs}
         return {
             **(self.model.origin or {}),
             "method": "rational Krylov reduction",
             "tolerance": self.tolerance,
             "error_bound": self.error_bound,
             "shifts": self.shifts.tolist(),
-            "ports": sorted({*self.model.inputs, *self.model.outputs}),  # of one the bound is proven, see `Reduction`
+            "ports": sorted(names),  # of one the bound is proven, see `Reduction`
         }
 
     def lift(self, states: ArrayLike) -> Array:
@@ -127,13 +127,14 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     scale = _scale(projected.projection, projected.pairs)
     model, basis = _model(system, projected)
     of_channels = certificate.top / scale
-    bound = (certificate.samples / scale).reshape(-1, *shape)
+    bound = certificate.samples / scale
+    single = shape == (1, 1)
     return Reduction(
         model=replace(model, origin=system.origin),
         error_bound=float(of_channels.max()),
         channel_bounds=of_channels.reshape(shape),
         frequency=certificate.omega / (2 * np.pi),
-        bound=bound[:, 0, 0] if shape == (1, 1) else bound,
+        bound=bound[:, 0] if single else bound.reshape(-1, *shape),
         basis=basis,
         shifts=projected.shifts,
         tolerance=float(tolerance),
@@ -182,10 +183,10 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
         projection = space.projection
         scale = tolerance * _scale(projection, pairs)
         alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs, per_decade=FEW)
-        if np.max(alone.samples / scale) <= PROMISING:
+        if np.all(alone.samples <= PROMISING * scale):
             solutions = [solution if i == j else space.solve(i) for i in range(1, space.shifts.size)]
             certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
-            if np.max(certificate.top / scale) <= 1:
+            if np.all(certificate.top <= scale):
                 share = leftover(projection, space.defect, 1 / space.M.diagonal())
                 # 1e-2: share of the residual that `certify` neglects, above which `certify_defect` is used
                 if share > 1e-2:
@@ -209,7 +210,7 @@ def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: f
             parts = np.column_stack([space.remainder, space.defect])
             solutions = [space.apply(j, parts) for j in range(space.shifts.size)]
             certificate = certify_defect(projection, parts, space.shifts, solutions, pairs=pairs)
-            reached = float(np.max(certificate.top / scale)) * tolerance
+            reached = np.max(certificate.top / scale) * tolerance
             if reached <= tolerance:
                 return projection, certificate
         if done:
@@ -234,11 +235,11 @@ def _model(system: StateSpace, projected: Projected) -> tuple[Foster | StateSpac
     B = ports[:, projected.heated]
     C = ports[:, projected.read].T
     modes = projected.basis[:, ::-1]
-    names: dict[str, Any] = {"inputs": system.inputs, "outputs": system.outputs}
-    if len(system.inputs) == 1 and len(system.outputs) == 1:
+    names = system.inputs, system.outputs
+    if B.shape[1] == C.shape[0] == 1:
         R = C[0] * B[:, 0] / rate
-        return Foster(R=R, tau=1 / rate, **names), modes / C[0]
-    return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, **names), modes
+        return Foster(R, 1 / rate, *names), modes / C[0]
+    return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, *names), modes
 
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
@@ -249,13 +250,13 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):
-        if np.abs(column).max() < ZERO_PORT:
+        if not column.any():
             raise checks.InputError("an input or output of the system is zero everywhere; is its part in the mesh?")
-        same = [i for i, port in enumerate(ports) if np.array_equal(port, column)]
-        if not same:
-            same = [len(ports)]
+        same = (i for i, port in enumerate(ports) if np.array_equal(port, column))
+        index = next(same, len(ports))
+        if index == len(ports):
             ports.append(column)
-        where.append(same[0])
+        where.append(index)
     heated, read = np.split(np.array(where, dtype=np.intp), [len(system.inputs)])
     return K, M, np.column_stack(ports), heated, read
 
@@ -310,12 +311,12 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     double = apart.min(axis=1) < 1e-6
     of_R[:, double] = np.nan
     of_tau[:, double] = np.nan
+    per_unit = "per unit of the parameter"
+    of_pole = ("parameter", "pole")
+    derivatives = {
+        "R": (of_pole, of_R, {"units": f"K/W {per_unit}"}),
+        "tau": (of_pole, of_tau, {"units": f"s {per_unit}"}),
+        "thermal_resistance": ("parameter", modal.resistance(), {"units": f"K/W {per_unit}"}),
+    }
     units = [change.unit for change in changes]
-    return xr.Dataset(
-        {
-            "R": (("parameter", "pole"), of_R, {"units": "K/W per unit of the parameter"}),
-            "tau": (("parameter", "pole"), of_tau, {"units": "s per unit of the parameter"}),
-            "thermal_resistance": ("parameter", modal.resistance(), {"units": "K/W per unit of the parameter"}),
-        },
-        coords={"parameter": [change.name for change in changes], "unit": ("parameter", units)},
-    )
+    return xr.Dataset(derivatives, {"parameter": [change.name for change in changes], "unit": ("parameter", units)})

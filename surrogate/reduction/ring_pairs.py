@@ -96,8 +96,9 @@ def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None
 def check_stack(one: CrossSection, two: CrossSection, who: str) -> None:
     """Raise InputError unless two sections have the same layers and sides; ``who`` names both."""
     differ = [w for w in ("layers", "bottom", "top", "outer", "ambient") if getattr(one, w) != getattr(two, w)]
-    same = () if differ else one.layers
-    differ += [f"layer {at.name!r}" for at in same if one.material_of(at.name) != two.material_of(at.name)]
+    if not differ:
+        names = [layer.name for layer in one.layers]
+        differ = [f"layer {name!r}" for name in names if one.material_of(name) != two.material_of(name)]
     if differ:
         raise InputError(f"{who} differ in {differ[0]}; what lies on one chip shares its layers and sides")
 
@@ -114,28 +115,28 @@ def check_positions(rings: RingKinds, centres: Array) -> Array:
 
     Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
     """
-    between = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    between = np.asarray(np.linalg.norm(centres[:, None] - centres, axis=-1))
     if len(centres) == 1:
         return between
     for kind in rings.kinds:
         check_uniform(kind.heat.geometry, "positions")
-    radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
-    itself = np.where(np.eye(len(centres)), np.inf, 0)
-    gap = between - radius[:, None] - radius + itself
-    i, j = np.unravel_index(np.argmin(gap), gap.shape)
+    kinds = [rings.kinds[g] for g in rings.of]
+    radius = np.array([footprint(kind.heat.geometry) for kind in kinds])
+    touching = radius[:, None] + radius
+    gap = between - touching
+    np.fill_diagonal(gap, np.inf)
+    i, j = np.unravel_index(gap.argmin(), gap.shape)
     if gap[i, j] < 0:
         raise InputError(
             f"positions[{i}] and positions[{j}] are {between[i, j]:g} m apart, and rings that reach "
-            f"{radius[i]:g} and {radius[j]:g} m overlap below {radius[i] + radius[j]:g} m; positions are in m"
+            f"{radius[i]:g} and {radius[j]:g} m overlap below {touching[i, j]:g} m; positions are in m"
         )
     for k in np.argsort(-between, axis=None):  # the most distant pair first
         i, j = np.unravel_index(k, between.shape)
         if i != j:
-            source = rings.kinds[rings.of[i]]
-            reader = rings.kinds[rings.of[j]]
             who = f"positions[{i}] and positions[{j}]"
-            check_distance(source.heat.geometry, reader.core, float(between[i, j]), who)
-    return np.asarray(between)
+            check_distance(kinds[i].heat.geometry, kinds[j].core, float(between[i, j]), who)
+    return between
 
 
 def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
@@ -144,24 +145,29 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
     The mesh is refined around the readers. A reader of another kind counts there as a copy of kind ``g``, far enough
     out not to overlap the source, and is read over its own cross-section.
     """
-    own = rings.kinds[g]
+    source = rings.kinds[g]
     if not readers:
-        return own.heat, ()
-    names = tuple(f"copy {k + 1}" for k in range(len(readers)))
-    clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
-    distances = [d if kind == g else max(d, clear) for kind, d in readers]
-    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, distances, strict=True)]
-    solved = assemble(replace(own.heat.geometry, probes=tuple(copies)), own.heat.accuracy)
-    d, foreign = solved.discretization, {}
+        return source.heat, ()
+    geometry = source.heat.geometry
+    names = tuple(f"copy {k}" for k in range(1, len(readers) + 1))
+    clear = (footprint(geometry) + reach(source.core)) * (1 + 1e-9)
+    copies = []
+    for name, (kind, distance) in zip(names, readers, strict=True):
+        away = distance if kind == g else max(distance, clear)
+        copies.append(Probe(name, source.part, distance=float(away)))
+    heat = assemble(replace(geometry, probes=tuple(copies)), source.heat.accuracy)
+    d = heat.discretization
+    foreign = {}
     for name, (kind, distance) in zip(names, readers, strict=True):
         if kind != g:  # the same mesh, read over the cross-section of the other kind
             reader = rings.kinds[kind]
             probe = Probe(name, reader.part, distance=float(distance))
-            total = sampled(d.basis, *off_axis_points(reader.heat.geometry, probe))
+            points = off_axis_points(reader.heat.geometry, probe)
+            total = sampled(d.basis, *points)
             foreign[name] = total / total.sum()
     if foreign:
-        solved = replace(solved, discretization=replace(d, means={**d.means, **foreign}))
-    return solved, names
+        heat = replace(heat, discretization=replace(d, means=d.means | foreign))
+    return heat, names
 
 
 FLOOR = 1e-2  # of R_th, added to the static gain of a pair
@@ -169,7 +175,6 @@ CHUNK = 4  # distances bounded at once: the second reduction has as many ports m
 SAMPLES_PER_DECADE, BETWEEN = 60, 1.01
 SHARE_OF_POLES = 0.25  # of the tolerance, for the second reduction and for the poles that are left out, each
 FREQUENCIES, TIGHTEN = (3, 4, 5, 6, 8, 10, 14), 6  # tried in turn; from TIGHTEN on with more Krylov fields
-RANGE = (0.3, 100.0)  # of the frequencies, in units of the slowest rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +202,18 @@ def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance:
     own = system.channel(heated, read[0])
     scale, references = _references(system, own, read, tolerance)
     for count in FREQUENCIES if len(read) > 1 else (0,):
-        found = project(own, SHARE_OF_POLES * tolerance * (0.1 if count > TIGHTEN else 1.0))
-        more = _fields_at_frequencies(system, found.projection.rate[0], count) if count else None
-        pairs = _projected(system, found.basis, more)
-        bound = np.array([_bound(pairs, k, reference) for k, reference in enumerate(references)]) / scale
+        tighter = 0.1 if count > TIGHTEN else 1.0
+        krylov = project(own, SHARE_OF_POLES * tolerance * tighter)
+        V = krylov.basis
+        if count:
+            more = _fields_at_frequencies(system, krylov.projection.rate[0], count)
+            new, *_ = orthonormal(more, system.E, V, system.E @ V, smallest=1e-16)
+            V = np.column_stack([V, new])
+        pairs = _projected(system, V)
+        errors = []
+        for reference, row in zip(references, pairs.read, strict=True):
+            errors.append(reference.error + _difference(pairs.rate, pairs.source * row, reference))
+        bound = np.array(errors) / scale
         if np.all(bound <= (1 - SHARE_OF_POLES) * tolerance):
             return _without_fast_poles(replace(pairs, bound=bound), scale, tolerance)
     worst = read[int(bound.argmax())]
@@ -212,24 +225,23 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
     E = csc_matrix(system.E)
     A = csc_matrix(system.A)
     b = np.asarray(system.B[:, 0]) + 0j
-    low, high = RANGE
     parts = []
-    for w in slowest * np.geomspace(low, high, count):
-        factor = splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A")
+    for omega in slowest * np.geomspace(0.3, 100.0, count):
+        factor = splu(1j * omega * E - A, permc_spec="MMD_AT_PLUS_A")
         field = factor.solve(b)
         parts += [field.real, field.imag]
     columns = np.column_stack(parts)
     return np.asarray(columns / np.linalg.norm(columns, axis=0))
 
 
-def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
-    """Project a system on a basis and on the further fields ``more``, in modes; the bounds are left empty."""
-    V = basis
-    if more is not None:
-        V = np.column_stack([V, orthonormal(more, system.E, V, system.E @ V, smallest=1e-16)[0]])
-    rate, Z = np.linalg.eigh(symmetric_part(-V.T @ (system.A @ V)))
+def _projected(system: StateSpace, V: Array) -> Pairs:
+    """Project a system on an orthonormal basis, in modes; the bounds are left empty."""
+    stiffness = symmetric_part(-V.T @ (system.A @ V))
+    rate, Z = np.linalg.eigh(stiffness)
     modes = V @ Z
-    return Pairs(rate, modes.T @ np.asarray(system.B[:, 0]), np.asarray(system.C @ modes), np.empty(0))
+    source = modes.T @ np.asarray(system.B[:, 0])
+    read = np.asarray(system.C @ modes)
+    return Pairs(rate, source, read, bound=np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,36 +258,35 @@ def _references(
 ) -> tuple[Array, list[ChannelReference]]:
     """Reference of the relative error of each channel in K/W, and a certified second reduction of the channel."""
     references: list[ChannelReference] = []
-    scale = np.empty(len(read))
+    scales: list[float] = []
+    # the own row, added in part, makes the relative errors of `project` those that are wanted here
+    mixed = system.C + FLOOR * own.C
+    mixed[0] = own.C[0]
     for start in range(0, len(read), CHUNK):
-        rows = range(start, min(start + CHUNK, len(read)))
-        # the own row, added in part, makes the relative errors of `project` those that are wanted here
-        mixed = np.array([system.C[k] + (FLOOR * own.C[0] if k else 0) for k in rows])
-        names = tuple(read[k] for k in rows)
-        chunk = StateSpace(system.E, system.A, system.B, mixed, inputs=system.inputs, outputs=names)
-        found = project(chunk, SHARE_OF_POLES * tolerance)
-        rate, b = found.projection.rate, found.basis.T @ np.asarray(system.B[:, 0])
-        for k, top in zip(rows, found.certificate.top, strict=True):
-            residue = b * (found.basis.T @ np.asarray(system.C[k]))
+        rows = slice(start, start + CHUNK)
+        chunk = StateSpace(system.E, system.A, system.B, mixed[rows], inputs=system.inputs, outputs=tuple(read[rows]))
+        fine = project(chunk, SHARE_OF_POLES * tolerance)
+        rate = fine.projection.rate
+        b = fine.basis.T @ np.asarray(system.B[:, 0])
+        residues = b * (system.C[rows] @ fine.basis)
+        gains = b * (mixed[rows] @ fine.basis) / rate
+        scales += np.abs(gains.sum(axis=1)).tolist()
+        for residue, top in zip(residues, fine.certificate.top, strict=True):
             references.append(ChannelReference(rate, residue, float(top)))
-            scale[k] = (b * (found.basis.T @ mixed[k - start]) / rate).sum()
-    error = references[0].error
-    rest = [replace(r, error=r.error + FLOOR * error) for r in references[1:]]
-    return np.abs(scale), [references[0], *rest]
+    first, *others = references
+    return np.array(scales), [first, *(replace(r, error=r.error + FLOOR * first.error) for r in others)]
 
 
 def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
     """Largest difference, over frequency, of a sum of poles from a reference in K/W, with a margin between samples."""
     low = min(rate[0], other.rate[0]) / 1e3
     high = max(rate[-1], other.rate[-1]) * 1e3
-    s = 1j * np.geomspace(low, high, int(np.log10(high / low) * SAMPLES_PER_DECADE))[:, None]
-    response = (residue / (rate + s)).sum(axis=1)
-    reference = (other.residue / (other.rate + s)).sum(axis=1)
+    decades = np.log10(high / low)
+    omega = np.geomspace(low, high, int(decades * SAMPLES_PER_DECADE))
+    s = 1j * omega[:, None]
+    response = np.sum(residue / (rate + s), axis=1)
+    reference = np.sum(other.residue / (other.rate + s), axis=1)
     return BETWEEN * float(np.abs(response - reference).max())
-
-
-def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
-    return reference.error + _difference(pairs.rate, pairs.source * pairs.read[k], reference)
 
 
 def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
@@ -285,13 +296,16 @@ def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
     for k in range(1, len(read)):
         residue = pairs.source * pairs.read[k]
         whole = ChannelReference(pairs.rate, residue, 0.0)
-        for kept in range(1, pairs.rate.size):
-            fewer = residue[:kept].copy()
-            fewer[-1] += pairs.rate[kept - 1] * (residue[kept:] / pairs.rate[kept:]).sum()
-            left_out = _difference(pairs.rate[:kept], fewer, whole) / scale[k]
-            if left_out <= min(SHARE_OF_POLES * tolerance, tolerance - bound[k]):
+        most = min(SHARE_OF_POLES * tolerance, tolerance - bound[k])
+        for count in range(1, pairs.rate.size):
+            slow = pairs.rate[:count]
+            fewer = residue[:count].copy()
+            static = np.sum(residue[count:] / pairs.rate[count:])  # gain of the fast poles
+            fewer[-1] += slow[-1] * static
+            error = _difference(slow, fewer, whole) / scale[k]
+            if error <= most:
                 read[k] = 0.0
-                read[k, :kept] = fewer / pairs.source[:kept]
-                bound[k] += left_out
+                read[k, :count] = fewer / pairs.source[:count]
+                bound[k] += error
                 break
     return replace(pairs, read=read, bound=bound)

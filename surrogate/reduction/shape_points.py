@@ -45,20 +45,26 @@ class Spread:
         part = shape.drawn
         node, weight = np.polynomial.legendre.leggauss(HEIGHT_NODES)
         lanes = lanes_of(shape.width)
-        share = CELL if shape.line is None else 1 / np.sqrt(12)
-        sigma = float(share * shape.width / lanes.size)
+        lane = shape.width / lanes.size
+        sigma = CELL * lane if shape.line is None else lane / np.sqrt(12)
         z = part.bottom + part.height * (node + 1) / 2
-        return cls(z, weight / 2, lanes + float(part.x or 0.0), sigma)
+        return cls(z, weight / 2, lanes + float(part.x or 0.0), float(sigma))
 
     def moved(self, x: float) -> "Spread":
         """The same with x counted from another place in m."""
         return replace(self, lanes=self.lanes - x)
 
 
-def lanes_of(width: float) -> Array:
-    """Middles of equal lanes across a width in m, from -width/2 to width/2."""
+def lanes_of(width: float, pitch: float = 0.0) -> Array:
+    """Middles of equal lanes across a width in m, from -width/2 to width/2.
+
+    pitch [m]: largest width of a lane, where that is larger than the usual one.
+    """
     count = min(MOST_LANES, int(np.ceil(width / LANE)))
-    return width * ((np.arange(count) + 0.5) / count - 0.5)
+    if pitch > width / count:
+        count = int(np.ceil(width / pitch))
+    middles = (np.arange(count) + 0.5) / count
+    return width * (middles - 0.5)
 
 
 def points_of(shape: Shape, pitch: float | None = None, *, fewer: bool = False) -> tuple[Array, Array]:
@@ -66,22 +72,20 @@ def points_of(shape: Shape, pitch: float | None = None, *, fewer: bool = False) 
 
     pitch [m]: between points; as fine as the lanes need by default. fewer: half of the points.
     """
-    lanes = lanes_of(shape.width)
+    lanes = lanes_of(shape.width, pitch or 0.0)
     lane = shape.width / lanes.size
-    if pitch is not None and pitch > lane:
-        count = int(np.ceil(shape.width / pitch))
-        lanes = shape.width * ((np.arange(count) + 0.5) / count - 0.5)
-        lane = shape.width / count
     if shape.line is None:
-        return _cells(shape.polygon, lane * UM * (FEWER if fewer else 1.0))
-    spacing = lane / ALONG if pitch is None else pitch
+        cell = FEWER * lane if fewer else lane
+        return _cells(shape.polygon, cell * UM)
+    spacing = pitch or lane / ALONG
     count = max(FEWEST_POINTS, int(np.ceil(shape.length / spacing)))
     return _along(shape.line, count // 2 if fewer else count, lanes)
 
 
 def centre_points(shape: Shape, count: int) -> Array:
     """Points at equal steps of the centre line in m, shape (count, 2); of a shape that has one."""
-    return _along(np.asarray(shape.line), count, np.zeros(1))[0]
+    points, _ = _along(np.asarray(shape.line), count, np.zeros(1))
+    return points
 
 
 def _along(line: Array, count: int, lanes: Array) -> tuple[Array, Array]:
@@ -109,29 +113,34 @@ def _lanes_at(line: Array, edge: Array, along: Array, step: float, lanes: Array)
 def _cells(polygon: shapely.Polygon, pitch: float) -> tuple[Array, Array]:
     """Centroids in m of the cells of a square grid inside a polygon in um, and their shares of its area."""
     west, south, east, north = polygon.bounds
-    columns = int(np.ceil((east - west) / pitch))
-    rows = int(np.ceil((north - south) / pitch))
-    x = west + np.arange(columns) * (east - west) / columns
-    y = south + np.arange(rows) * (north - south) / rows
+    width = east - west
+    height = north - south
+    columns = int(np.ceil(width / pitch))
+    rows = int(np.ceil(height / pitch))
+    x = west + np.arange(columns) * width / columns
+    y = south + np.arange(rows) * height / rows
     X, Y = np.meshgrid(x, y)
-    boxes = shapely.box(X, Y, X + (east - west) / columns, Y + (north - south) / rows).ravel()
-    cut = shapely.intersection(boxes, polygon)
-    area = shapely.area(cut)
-    middle = shapely.centroid(cut[area > 0])
-    return np.column_stack([shapely.get_x(middle), shapely.get_y(middle)]) / UM, area[area > 0] / area.sum()
+    boxes = shapely.box(X, Y, X + width / columns, Y + height / rows).ravel()
+    cells = shapely.intersection(boxes, polygon)
+    area = shapely.area(cells)
+    inside = area > 0
+    middles = shapely.get_coordinates(shapely.centroid(cells[inside]))
+    return middles / UM, area[inside] / area.sum()
 
 
 def distances(one: tuple[Array, Array], other: tuple[Array, Array], r: Array) -> Array:
     """Weights of G at the distances ``r`` in m, equal steps in log r, whose sum is the mean over two sets of points."""
-    (p, a), (q, b) = one, other
+    p, of_p = one
+    q, of_q = other
     total = np.zeros(r.size)
     rows = max(1, 1_000_000 // len(q))  # numbers at once
     step = np.log(r[1] / r[0])
     for start in range(0, len(p), rows):
-        here = slice(start, start + rows)
-        apart = np.hypot(p[here, None, 0] - q[:, 0], p[here, None, 1] - q[:, 1]).ravel()
-        weight = np.outer(a[here], b).ravel()
-        place = np.clip(np.log(np.maximum(apart, r[0]) / r[0]) / step, 0, r.size - 1.001)
+        chunk = slice(start, start + rows)
+        x, y = np.moveaxis(p[chunk, None] - q, -1, 0)
+        apart = np.maximum(np.hypot(x, y).ravel(), r[0])
+        weight = np.outer(of_p[chunk], of_q).ravel()
+        place = np.clip(np.log(apart / r[0]) / step, 0, r.size - 1.001)
         index = place.astype(np.intp)
         upper = weight * (place - index)
         total += np.bincount(index, weight - upper, r.size)

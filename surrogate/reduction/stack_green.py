@@ -73,15 +73,20 @@ class Stack:
             material = section.material_of(layer.name)
             conductivity_factor = float(material.conductivity_law.factor(section.ambient))
             capacity_factor = float(material.specific_heat_law.factor(section.ambient))
-            k_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
-            along.append(material.conductivity * conductivity_factor)
+            k_r = material.conductivity
+            k_z = k_r if material.conductivity_z is None else material.conductivity_z
+            along.append(k_r * conductivity_factor)
             across.append(k_z * conductivity_factor)
             capacity.append(material.heat_capacity * capacity_factor)
-        bottom = _exchange(section.bottom)
-        top = _exchange(section.top)
-        edges = np.array(section.layer_edges)
-        endless = section.bottom.kind == "open"
-        return cls(edges, np.array(along), np.array(across), np.array(capacity), bottom, top, endless)
+        return cls(
+            edges=np.array(section.layer_edges),
+            along=np.array(along),
+            across=np.array(across),
+            capacity=np.array(capacity),
+            bottom=_exchange(section.bottom),
+            top=_exchange(section.top),
+            endless=section.bottom.kind == "open",
+        )
 
     @cached_property
     def slowest(self) -> float:
@@ -95,8 +100,9 @@ class Stack:
         rate = np.geomspace(low, high, int(np.log(high / low) / RATE_STEP))
         middle = self.edges[:1] / 2 + self.edges[-1:] / 2
         spread = Spread(middle, np.ones(1), np.zeros(1), 0.0)
-        g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)[:, 0]
-        first = int(np.argmax(g.real < 0))
+        g = self.green(np.array([1e-3]), -rate + 0j, spread, spread)
+        negative = g[:, 0].real < 0
+        first = int(negative.argmax())
         return float(rate[max(first - 1, 0)])
 
     def green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:
@@ -117,22 +123,21 @@ class Stack:
         storage = self.capacity[layer] * s[:, None, None]
         square = self.along[layer] * (k**2)[:, None] + storage
         q = np.sqrt(square / self.across[layer])  # (frequencies, k, pieces)
-        kappa = self.across[layer] * q
-        thick = q * np.diff(cuts)
-        pieces = range(len(layer))
-        below = kappa[..., 0] if self.endless else np.full(q.shape[:2], self.bottom, dtype=complex)
-        downwards = [below]
+        kappa = np.moveaxis(self.across[layer] * q, -1, 0)
+        thick = np.moveaxis(q * np.diff(cuts), -1, 0)
+        pieces = list(zip(kappa, thick, strict=True))
+        *shape, _ = q.shape
+        downwards = [kappa[0] if self.endless else np.full(shape, self.bottom, dtype=complex)]
         for piece in pieces:
-            downwards.append(_through(downwards[-1], kappa[..., piece], thick[..., piece]))
-        above = np.full(q.shape[:2], self.top, dtype=complex)
-        upwards = [above]
+            downwards.append(_through(downwards[-1], *piece))
+        upwards = [np.full(shape, self.top, dtype=complex)]
         ratio = []
         for piece in reversed(pieces):
-            ratio.append(_ratio(upwards[-1], kappa[..., piece], thick[..., piece]))
-            upwards.append(_through(upwards[-1], kappa[..., piece], thick[..., piece]))
+            ratio.append(_ratio(upwards[-1], *piece))
+            upwards.append(_through(upwards[-1], *piece))
         upwards.reverse()
         ratio.reverse()
-        total = np.zeros(q.shape[:2], dtype=complex)
+        total = np.zeros(shape, dtype=complex)
         for z, share in zip(z_heated, heated.weight, strict=True):
             for other, weight in zip(z_read, read.weight, strict=True):
                 low, high = np.searchsorted(cuts, sorted((z, other)))
@@ -155,13 +160,15 @@ class Stack:
         smooth = np.exp(-(k**2) * variance / 2)
         height = float(self.edges[-1] - self.edges[0])
         uniform = 0.0 if self.endless else FLAT_K / height
+        least = np.exp(-(TAIL_OF_GAUSS**2))
         first = int(np.searchsorted(k, uniform))
-        last = int(np.searchsorted(-smooth, -np.exp(-(TAIL_OF_GAUSS**2))))
+        last = int(np.searchsorted(-smooth, -least))
         g = np.zeros((len(s), samples), dtype=complex)
         g[:, first:last] = self.green(k[first:last], s, heated, read)
         g[:, :first] = g[:, first, None]
         g *= k * smooth / (2 * np.pi)
-        G = fht(g.real, step, 0, offset, bias) + 1j * fht(g.imag, step, 0, offset, bias)
+        real, imaginary = fht(np.stack([g.real, g.imag]), step, 0, offset, bias)
+        G = real + 1j * imaginary
         return r, G / r
 
     def over_section(self, s: Complex, half_width: float, heated: Spread, read: Spread) -> Complex:
@@ -170,8 +177,9 @@ class Stack:
         half_width [m]
         """
         sigma = np.hypot(heated.sigma, read.sigma)
-        count = int(np.ceil(TAIL_OF_GAUSS / sigma * 2 * np.sqrt(2) * half_width / np.pi))
-        k = np.asarray(np.pi * np.arange(count + 1) / (2 * half_width), dtype=float)
+        highest = TAIL_OF_GAUSS / sigma * np.sqrt(2)
+        count = int(np.ceil(highest * 2 * half_width / np.pi))
+        k = np.pi * np.arange(count + 1) / (2 * half_width)
         k[0] = k[1] * 1e-6  # the mean over the section; 0 itself would divide 0 by 0 at rest
         shares = np.full(k.size, 1 / half_width)
         shares[0] /= 2
@@ -191,5 +199,6 @@ def _through(load: Complex, kappa: Complex, thick: Complex) -> Complex:
 def _ratio(load: Complex, kappa: Complex, thick: Complex) -> Complex:
     """Rise at the far side of a layer over that at its near side."""
     fade = np.exp(-thick)
+    inverse_cosh = 2 * fade / (1 + fade**2)
     loaded = 1 + load / kappa * np.tanh(thick)
-    return np.asarray(2 * fade / ((1 + fade**2) * loaded))
+    return np.asarray(inverse_cosh / loaded)

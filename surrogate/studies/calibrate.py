@@ -17,7 +17,7 @@ from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.family import ChannelNames
-from ..fitting.pole_projection import noise_along, rms
+from ..fitting.pole_projection import by_trace, noise_along, rms
 from .inverse_search import at_edge, family_over, inside
 
 log = logging.getLogger("thermofem")
@@ -138,25 +138,26 @@ def calibrate(
     if noise is not None:
         scale = checks.between("noise", noise, *NOISE_RANGE, unit="K")
 
-    def values_of(x: Array) -> dict[str, float]:
-        return dict(zip(family.names, span.at(x).tolist(), strict=True))
-
     def member(x: Array) -> OutputMap:
-        poles: OutputMap = two_kinds(family.of_channel(names, values_of(x)))
+        values = span.named(span.at(x))
+        poles: OutputMap = two_kinds(family.of_channel(names, values))
         return poles
+
+    def linear_rise(model: OutputMap) -> Array:
+        return np.concatenate([_linear_rise(model.linear, d) for d in responses])
 
     def misfit(x: Array) -> Array:
         model = member(x)
-        rise = np.concatenate([_rise(model, d) for d in responses])
+        rise = warn_beyond(model.of(linear_rise(model)), model.largest_rise)
         return (rise - measured) / scale
 
     def jacobian(x: Array) -> Array:
         row = span.at(x)
         model = member(x)
         modal = family.modal_derivative(row, channel)
-        slopes = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
+        slopes = np.hstack([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses])
         if family.output_maps is not None and model.bent:  # dT = z + a z^2
-            z = np.concatenate([_linear_rise(model.linear, d) for d in responses])
+            z = linear_rise(model)
             of_a = family.output_maps.slopes(family.box, row)
             slopes = (1 + 2 * model.coefficient * z) * slopes + np.outer(of_a, z**2)
         return np.asarray(slopes.T * (span.slope(x) / scale))
@@ -166,15 +167,14 @@ def calibrate(
     tolerances = {"xtol": 1e-12, "ftol": 1e-14, "gtol": 1e-12}
     ends = [least_squares(misfit, start, jacobian, bounds=(0, 1), **tolerances) for start in starts]
     best = min(ends, key=lambda end: float(end.cost))
-    x = np.asarray(best.x)
-    residuals = np.asarray(best.fun)
+    x: Array = best.x
+    residuals: Array = best.fun
     square = float(residuals @ residuals)
     per_freedom = square / (measured.size - len(low))
     variance = 1.0 if noise is not None else per_freedom
-    sizes = [d.rise.size for d in responses]
-    traces = np.split(residuals, np.cumsum(sizes)[:-1])
+    traces = by_trace(residuals, responses)
     covariance, unseen = _covariance(jacobian(x), traces, variance, noise is not None, family.names)
-    values = values_of(x)
+    values = span.named(span.at(x))
     slope = span.slope(x)
     errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(
@@ -192,12 +192,8 @@ def calibrate(
     )
 
 
-def _rise(model: OutputMap, response: Response) -> Array:
-    """Rise in K at the times of the data, which need not be spread over a period as `periodic_response` has them."""
-    return warn_beyond(model.of(_linear_rise(model.linear, response)), model.largest_rise)
-
-
 def _linear_rise(poles: Foster, response: Response) -> Array:
+    """Rise in K at the times of the data, which need not be spread over a period as `periodic_response` has them."""
     rate = 1 / np.asarray(poles.tau)
     phi = pole_responses(rate, response.wave, response.times, periodic=response.periodic)
     return phi @ poles.gain
@@ -230,15 +226,16 @@ def _covariance(
 ) -> tuple[Array, tuple[str, ...]]:
     """Covariance of parameters as fractions of their ranges, and combinations with a standard error above `BLIND`."""
     u, s, vt = np.linalg.svd(J, full_matrices=False)
-    least = 1e-12 * s[0] if s[0] > 0 else 1e-300
+    least = 1e-12 * s[0] or 1e-300
     size = 1 / np.maximum(s, least)
     noise = noise_along(residuals, u, variance, alike=alike)
     back = vt.T * size
+    errors = size * np.sqrt(noise.diagonal())
     unseen = []
-    for error, direction in zip(size * np.sqrt(noise.diagonal()), vt, strict=True):
+    for error, direction in zip(errors, vt, strict=True):
         if error > BLIND:
             largest = np.abs(direction).argmax()
-            shares = zip(direction * np.sign(direction[largest]), names, strict=True)
-            terms = " ".join(f"{share:+.2f} {name}" for share, name in shares if abs(share) > 0.1)
-            unseen.append(f"{terms} (shares of the ranges): known to {error:.1g} of the range only")
+            shares = direction * np.sign(direction[largest])
+            terms = [f"{share:+.2f} {name}" for share, name in zip(shares, names, strict=True) if abs(share) > 0.1]
+            unseen.append(f"{' '.join(terms)} (shares of the ranges): known to {error:.1g} of the range only")
     return back @ noise @ back.T, tuple(unseen)

@@ -142,19 +142,19 @@ def design(
     channel = family.named_channel(heated, read)
     search = search_of(family, free, target, fixed, optics, family.chosen_channel(heated, read))
     x = _nearest(search, seed, executor)
-    got = search.achieved(x)
-    if all(np.isnan(value) for value in got.values()):
+    achieved = search.achieved(x)
+    if np.isnan(list(achieved.values())).all():
         raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
-    reached = search.reached(x, REACHED)
-    front = None if reached or len(got) == 1 else _front(search, seed, executor)
+    reached = bool(np.all(np.abs(search.misfit(x)) <= REACHED))
+    front = None if reached or len(achieved) == 1 else _front(search, seed, executor)
     active = at_edge([family.names[k] for k in search.moving], x)
     values = search.values(x)
     slopes = _sensitivity(search, values)
-    message = _message(search, reached, got, active, slopes)
+    message = _message(search, reached, achieved, active, slopes)
     reads = dict.fromkeys(of_member.read for of_member in search.properties.values())
     return Design(
         values=values,
-        achieved=got,
+        achieved=achieved,
         target=search.wanted,
         reached=reached,
         active=active,
@@ -190,49 +190,51 @@ def _nearest(search: Search, seed: int, executor: Executor | None) -> Array:
     starts = np.clip([nominal, *candidates[cheapest]], 1e-3, 1 - 1e-3)
     ends = [least_squares(residual, start, **options) for start in starts]
     best = min(ends, key=lambda end: float(end.cost))
-    return np.asarray(best.x)
+    x: Array = best.x
+    return x
 
 
 def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """d(quantity)/d(parameter) by differences that stay inside the box."""
     box = search.family.box
     slopes: dict[str, dict[str, float]] = {quantity: {} for quantity in search.properties}
+    steps = 10 * SEARCH_STEP * (search.high - search.low)
     for k in search.moving:
         name = box.names[k]
-        h = 10 * SEARCH_STEP * (search.high[k] - search.low[k])
-        below = max(values[name] - h, box.low[k])
-        above = min(values[name] + h, box.high[k])
+        below = max(values[name] - steps[k], box.low[k])
+        above = min(values[name] + steps[k], box.high[k])
         for quantity, of_member in search.properties.items():
-            down = float(of_member({**values, name: below}))
-            up = float(of_member({**values, name: above}))
-            slopes[quantity][name] = (up - down) / (above - below)
+            down = of_member({**values, name: below})
+            up = of_member({**values, name: above})
+            slopes[quantity][name] = float((up - down) / (above - below))
     return slopes
 
 
 def _message(
     search: Search,
     reached: bool,
-    got: Mapping[str, float],
+    achieved: Mapping[str, float],
     active: Sequence[str],
     slopes: Mapping[str, Mapping[str, float]],
 ) -> str:
     """Text: whether the targets are reached, by one member of many, and which sensitivities are not known and why."""
-    values = ", ".join(f"{name} = {value:.6g} (wanted {search.wanted[name]:.6g})" for name, value in got.items())
-    text = f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
+    values = [f"{name} = {value:.6g} (wanted {search.wanted[name]:.6g})" for name, value in achieved.items()]
+    verdict = "reached:" if reached else "no member that was looked at does that; the nearest gives"
+    sentences = [f"{verdict} {', '.join(values)}"]
     if active:
-        text += f"; at the end of its range: {', '.join(active)}"
+        sentences.append(f"at the end of its range: {', '.join(active)}")
     targets = len(search.wanted)
     free = len(search.moving)
     if reached and targets < free:
-        nominal = ", ".join(f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items())
-        text += f"; {targets} wanted and {free} free: one solution of many, the nearest to {nominal} in units of the "
-        text += "ranges"
+        nominal = [f"{name} = {value:.6g}" for name, value in search.family.box.nominal.items()]
+        many = f"{targets} wanted and {free} free: one solution of many, the nearest to"
+        sentences.append(f"{many} {', '.join(nominal)} in units of the ranges")
     for quantity, by_name in slopes.items():
         names = ", ".join(name for name, slope in by_name.items() if np.isnan(slope))
         if names:
             reason = search.properties[quantity].reason
-            text += f"; no sensitivity of {quantity} to {names}: a member beside it has none ({reason})"
-    return text
+            sentences.append(f"no sensitivity of {quantity} to {names}: a member beside it has none ({reason})")
+    return "; ".join(sentences)
 
 
 def _front(search: Search, seed: int, executor: Executor | None) -> xr.Dataset | None:

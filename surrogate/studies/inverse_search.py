@@ -1,5 +1,6 @@
 """Properties of the members of a family, and searches over them with the free ranges as a unit cube."""
 
+import itertools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -60,8 +61,7 @@ class Optics:
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every optical number, by name in SI, at the member with the parameters ``values``."""
-        middle = zip(family.names, family.box.middle.tolist(), strict=True)
-        start = dict(middle) | dict(self.at)
+        start = family.box.named(family.box.middle) | dict(self.at)
         changes = {}
         for number, slopes in self.slopes.items():
             terms = [slope * (values[name] - start[name]) for name, slope in slopes.items()]
@@ -200,12 +200,13 @@ class Property:
         return [value for value, _ in pairs]
 
     def _of_chunk(self, chunk: tuple[int, Sequence[Mapping[str, float]]]) -> list[tuple[Any, str]]:
-        return [self.with_reason(values) for values in chunk[1]]
-
-    def with_reason(self, values: Mapping[str, float]) -> tuple[Any, str]:
-        """Value of the property for a member, and why it has none ("" where it has one)."""
-        self.reason = ""
-        return self(values), self.reason
+        """Value of the property for each member, and why it has none ("" where it has one)."""
+        pairs = []
+        for values in chunk[1]:
+            self.reason = ""
+            value = self(values)
+            pairs.append((value, self.reason))
+        return pairs
 
     def __call__(self, values: Mapping[str, float]) -> Any:
         """Value of the property for the member with the parameters ``values`` in SI; nan where it has none."""
@@ -249,7 +250,7 @@ class Search:
         width = self.high[k] - self.low[k]
         row = self.held.copy()
         row[k] = self.low[k] + np.clip(x, 0, 1) * width
-        return dict(zip(self.family.names, row.tolist(), strict=True))
+        return self.family.box.named(row)
 
     @property
     def missing(self) -> str:
@@ -272,28 +273,25 @@ class Search:
         columns = [of_members.many(members, executor) for of_members in self.properties.values()]
         return np.array([self._misfit(row) for row in zip(*columns, strict=True)])
 
-    def _misfit(self, got: Sequence[float]) -> Array:
+    def _misfit(self, achieved: Sequence[float]) -> Array:
         targets = list(self.wanted.values())
-        off = np.array(got, dtype=float) / targets - 1
+        off = np.array(achieved, dtype=float) / targets - 1
         return np.where(np.isnan(off), LACKING, off)
-
-    def reached(self, x: Array, within: float) -> bool:
-        """Whether every `misfit` is at most ``within``."""
-        return bool((np.abs(self.misfit(x)) <= within).all())
 
     @property
     def nominal(self) -> Array:
         """Point of the unit cube, shape (free,), of the geometry that the family was made of, or the nearest to it."""
         k = self.moving
         row = np.array(list(self.family.box.nominal.values()))
-        shares = (row - self.low)[k] / (self.high - self.low)[k]
-        return np.asarray(np.clip(shares, 0, 1))
+        beyond = row[k] - self.low[k]
+        width = self.high[k] - self.low[k]
+        return np.asarray(np.clip(beyond / width, 0, 1))
 
 
 def at_edge(names: Sequence[str], shares: Array) -> tuple[str, ...]:
     """Names of the parameters whose share of their range, 0 to 1, lies at one of its ends."""
-    inside = np.minimum(shares, 1 - shares)
-    return tuple(name for name, distance in zip(names, inside, strict=True) if distance <= ON_EDGE)
+    distances = np.minimum(shares, 1 - shares)
+    return tuple(itertools.compress(names, distances <= ON_EDGE))
 
 
 def search_of(
@@ -309,17 +307,17 @@ def search_of(
     low = family.box.low.copy()
     high = family.box.high.copy()
     held = family.box.middle.copy()
-    for name in (*(free or {}), *fixed):
+    stated = [*(free or {}), *fixed]
+    for name in stated:
         checks.choice("parameter", name, family.names)
-    checks.unique("free and fixed", [*(free or {}), *fixed], hint="a parameter is one of them")
+    checks.unique("free and fixed", stated, hint="a parameter is one of them")
     for k, name in enumerate(family.names):
         if free is not None and name in free:
             low[k], high[k] = inside(family, name, free[name])
         elif free is not None or name in fixed:
             value = fixed.get(name, held[k])
             held[k] = checks.between(name, value, low[k], high[k], unit=family.box.units[k])
-            low[k] = held[k]
-            high[k] = held[k]
+            low[k] = high[k] = held[k]
     if not np.any(high > low):
         raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
     properties = {word(quantity): Property(family, quantity, optics, channel) for quantity in target}

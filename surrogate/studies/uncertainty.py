@@ -17,7 +17,7 @@ from ..family import Family
 from ..family.interpolation import TAIL_PROBABILITY, interpolate_members
 from .inverse_search import Follows, Property, Quantity, word
 
-MOST_SAMPLES = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
+MOST_BASE_SAMPLES = 2**20  # a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
 ONE_DEVIATION = 0.158655, 0.841345  # shares of a normal distribution below its mean minus and plus one deviation
 INDICES = "first_order", "total_order"
@@ -92,19 +92,19 @@ def uncertainty(
     channel = family.chosen_channel(heated, read)
     study = _Study(Property(family, quantity, optics, channel), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
-    attrs |= {"heated": study.one.channel.heated, "read": study.one.read}
+    attrs |= {"heated": study.of_member.channel.heated, "read": study.of_member.read}
     values: Callable[[Array], Any] = study.values
     if interpolate is not None:
         tails = np.tile([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY], (len(distributions), 1))
         low, high = study.box
         span = np.clip(study.quantiles(tails), low[:, None], high[:, None])
-        values, rms = interpolate_members(study.values, span, interpolate, lambda: study.one.reason)
+        values, rms = interpolate_members(study.values, span, interpolate, lambda: study.of_member.reason)
         attrs |= {"interpolate": interpolate, "interpolation_error": rms}
     results: list[Any] = []
     for x in study.sets(samples, seed):
         results.extend(values(x))
         if all(np.isnan(value).all() for value in results):
-            raise checks.InputError(f"no sample has the property: {study.one.reason}")
+            raise checks.InputError(f"no sample has the property: {study.of_member.reason}")
     names = list(distributions)
     like = next((value for value in results if np.ndim(value)), None)
     if like is None:
@@ -113,7 +113,7 @@ def uncertainty(
         if optics is not None and callable(quantity):
             changes = optics.changes(family, study.medians)
             still = Property(family, lambda model: quantity(model, changes), channel=channel)
-            data["per_deviation_heat"] = ("parameter", replace(study, one=still).per_deviation())
+            data["per_deviation_heat"] = ("parameter", replace(study, of_member=still).per_deviation())
         return data
     points = np.size(like)
     missing = np.full(points, np.nan)
@@ -125,18 +125,19 @@ def _check(family: Family, distributions: Mapping[str, Any], fixed: Mapping[str,
     for name in (*distributions, *fixed):
         checks.choice("parameter", name, family.names)
     checks.unique("distributions and fixed", [*distributions, *fixed], hint="a parameter varies or is fixed")
-    for name, one in distributions.items():
-        checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
-    countable = isinstance(samples, int) and 2 <= samples <= MOST_SAMPLES
+    for name, distribution in distributions.items():
+        checks.has(name, distribution, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
+    countable = isinstance(samples, int) and 2 <= samples <= MOST_BASE_SAMPLES
     if not countable or samples & (samples - 1):
-        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST_SAMPLES}")
+        shown = checks.shown(samples)
+        raise checks.InputError(f"samples = {shown} must be a power of two, at most {MOST_BASE_SAMPLES}")
 
 
 @dataclass(frozen=True, eq=False)
 class _Study:
     """A property, the distributions of the p parameters that vary, and the values of fixed parameters."""
 
-    one: Property
+    of_member: Property
     distributions: Mapping[str, Any]
     fixed: Mapping[str, float]
     executor: Executor | None
@@ -144,16 +145,15 @@ class _Study:
     @property
     def box(self) -> tuple[Array, Array]:
         """Both ends of the family's ranges, shape (p,)."""
-        ranges = self.one.family.ranges
+        ranges = self.of_member.family.ranges
         low, high = np.array([ranges[name] for name in self.distributions]).T
         return low, high
 
     @property
     def held(self) -> dict[str, float]:
         """Values by name of the parameters that do not vary."""
-        family = self.one.family
-        middle = zip(family.names, family.box.middle.tolist(), strict=True)
-        values = dict(middle) | dict(self.fixed)
+        box = self.of_member.family.box
+        values = box.named(box.middle) | dict(self.fixed)
         return {name: checks.finite(name, x) for name, x in values.items() if name not in self.distributions}
 
     @property
@@ -185,16 +185,12 @@ class _Study:
         self._check_shares(np.max(outside, axis=0))
         A = np.clip(A, low, high)
         B = np.clip(B, low, high)
-        sets = [A, B]
-        for k in range(p):
-            AB = A.copy()
-            AB[k] = B[k]
-            sets.append(AB)
-        return sets
+        swapped = np.eye(p, dtype=bool)[..., None]
+        return [A, B, *np.where(swapped, B, A)]
 
     def _check_shares(self, outside: Array) -> None:
         """Raise InputError where more than a few samples leave the box; ``outside``: their share, shape (p,)."""
-        box = self.one.family.box
+        box = self.of_member.family.box
         for k, name in enumerate(self.distributions):
             if outside[k] > OUTSIDE:
                 unit = box.units[box.names.index(name)]
@@ -207,21 +203,22 @@ class _Study:
     def values(self, x: Array) -> Any:
         """The property of n members with varied parameters x, shape (p, n); R_th of all of them in one call."""
         held: dict[str, Any] = self.held
-        if self.one.quantity == "thermal_resistance":
+        if self.of_member.quantity == "thermal_resistance":
             columns = held | dict(zip(self.distributions, x, strict=True))
-            channel = self.one.channel
-            return self.one.family.thermal_resistance(heated=channel.heated, read=channel.read, **columns)
+            channel = self.of_member.channel
+            return self.of_member.family.thermal_resistance(heated=channel.heated, read=channel.read, **columns)
         members = [held | dict(zip(self.distributions, row, strict=True)) for row in x.T.tolist()]
-        return self.one.many(members, self.executor)
+        return self.of_member.many(members, self.executor)
 
     def per_deviation(self) -> Array:
         """Half the change of the property from the 16 to the 84 % quantile of one parameter at a time, shape (p,)."""
-        ends = self.quantiles(np.tile(ONE_DEVIATION, (len(self.distributions), 1)))
+        shares = np.tile(ONE_DEVIATION, (len(self.distributions), 1))
+        ends = self.quantiles(shares)
         medians = self.medians
         changes = []
         for name, (low, high) in zip(self.distributions, ends.tolist(), strict=True):
-            up = self.one(medians | {name: high})
-            down = self.one(medians | {name: low})
+            up = self.of_member(medians | {name: high})
+            down = self.of_member(medians | {name: low})
             changes.append((up - down) / 2)
         return np.array(changes, dtype=float)
 

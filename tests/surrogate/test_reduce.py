@@ -11,7 +11,7 @@ from surrogate_systems import discretized, geometries, slicot, strip
 
 import surrogate
 import thermofem as th
-from surrogate.reduction.certified_space import PER_DECADE, ROUND_OFF
+from surrogate.reduction.certified_space import PER_DECADE, SOLVE_ROUND_OFF
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.models import foster
 
@@ -40,7 +40,7 @@ def test_true_error_below_bound_below_tolerance(geometry, tolerance, most):
     assert bound_at(rom, FREQUENCY)[error.argmax()] < 3 * error.max()
     assert rom.model.passive
     # s = 0 is a shift: exact up to the round-off of the solves, here and of the reference
-    assert rom.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=ROUND_OFF)
+    assert rom.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=SOLVE_ROUND_OFF)
 
 
 def test_shifts_far_apart_have_one_between_them_for_the_bound():
@@ -95,7 +95,7 @@ def test_for_real_s_the_reduction_approaches_from_below():
     for tolerance in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6):
         model = surrogate.reduce(system, tolerance).model
         missing = exact - (np.asarray(model.R) / (1 + s[:, None] * model.tau)).sum(axis=1)
-        assert np.all(missing >= -ROUND_OFF * system.thermal_resistance)
+        assert np.all(missing >= -SOLVE_ROUND_OFF * system.thermal_resistance)
         assert 0 < missing.max() < left
         left = missing.max()
 
