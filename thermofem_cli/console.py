@@ -46,6 +46,17 @@ def say(text: str) -> None:
         print(one_line(text, most=LINE), file=sys.stderr if settings.json else sys.stdout)
 
 
+def say_row(name: str, text: str, sign: str = "=") -> None:
+    """Print a result and its name, the names of several one below the other."""
+    say(f"{name:>22} {sign} {text}")
+
+
+def say_fitted(result: Any) -> None:
+    """Print the parameters of a fit, each with its standard deviation."""
+    for name, value in result.parameters.items():
+        say_row(name, written(value, parameter_unit(name), result.standard_deviations[name]))
+
+
 def note(text: str) -> None:
     """Print one message for people on standard error."""
     from thermofem.errors import one_line

@@ -39,14 +39,14 @@ def design(
     if not period:
         options.unused(context, "goes with --period", "power", "detuning", "ring")
     expect(file, "family")
-    found = surrogate.load_family(file)
-    channel = channel_of(found, heated, read)
+    family = surrogate.load_family(file)
+    channel = channel_of(family, heated, read)
     target: dict[Any, float] = {}
     moving: Any = None
     if period:
-        resonator, channel = ring_for(found, channel, ring, read)
+        resonator, channel = ring_for(family, channel, ring, read)
         settled = settled_of(resonator, power, detuning)
-        moving = optics_of(found, resonator)
+        moving = optics_of(family, resonator)
         target[settled] = quantity.positive(period, "s", name="--period")
     if resistance:
         target["thermal_resistance"] = quantity.positive(resistance, "K/W", name="--resistance")
@@ -54,23 +54,23 @@ def design(
         target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
-    fixed = fixed_of(found, fix)
+    fixed = fixed_of(family, fix)
     ports = {"heated": channel.heated, "read": channel.read}
     settings: dict[str, Any] = {"fixed": fixed, "optics": moving, "seed": seed, **ports}
     with options.executor_of(context, scheduler, workers) as executor, working("searching"):
-        result = surrogate.design(found, target=target, executor=executor, **settings)
-    units = {**units_of(found), **dict.fromkeys(result.achieved, "s"), "thermal_resistance": "K/W"}
+        result = surrogate.design(family, target=target, executor=executor, **settings)
+    units = {**units_of(family), **dict.fromkeys(result.achieved, "s"), "thermal_resistance": "K/W"}
     say(f"{channel}: {'reached' if result.reached else 'no member that was looked at does that; the nearest one:'}")
-    for name, wanted in zip(result.achieved, target.values(), strict=True):
-        say(f"{channel}: {name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
-    for name in found.names:
+    for name, value in zip(result.achieved, target.values(), strict=True):
+        say(f"{channel}: {name} = {written(result.achieved[name], units[name])}, wanted {written(value, units[name])}")
+    for name in family.names:
         end = " (end of its range)" if name in result.active else ""
         say(f"{channel}: {name} = {written(result.values[name], units[name])}{end}")
-    free = [name for name in found.names if name not in fixed]
+    free = [name for name in family.names if name not in fixed]
     for name, slopes in result.sensitivity.items():
         words = [
-            f"{slope * result.values[one] / result.achieved[name]:+.3g} % for 1 % of {one}"
-            for one, slope in slopes.items()
+            f"{slope * result.values[parameter] / result.achieved[name]:+.3g} % for 1 % of {parameter}"
+            for parameter, slope in slopes.items()
         ]
         say(f"{channel}: {name} changes by {', '.join(words)}")
     if result.reached and len(target) < len(free):
@@ -78,8 +78,8 @@ def design(
             f"{len(target)} wanted, {len(free)} free: one solution of many, the nearest to the geometry of the family "
             f"in units of the ranges; --fix {free[-1]}=... picks another"
         )
-    own = written(result.thermal_resistance, "K/W")
-    say(f"{channel}: on its own mesh R_th = {own}, off by {result.certified.error:.1e}")
+    resistance_of_mesh = written(result.thermal_resistance, "K/W")
+    say(f"{channel}: on its own mesh R_th = {resistance_of_mesh}, off by {result.certified.error:.1e}")
     front = None
     if result.front is not None:
         front = {str(name): column.values.tolist() for name, column in result.front.items()}
@@ -142,22 +142,22 @@ def uncertainty(
         options.unused(context, "goes with --period or --map", "power", "detuning", "ring")
     check_outputs([map_], inputs=[file, ring])
     expect(file, "family")
-    found = surrogate.load_family(file)
-    channel = channel_of(found, heated, read)
-    spreads = spreads_of(found, spread)
-    fixed = fixed_of(found, fix)
+    family = surrogate.load_family(file)
+    channel = channel_of(family, heated, read)
+    spreads = spreads_of(family, spread)
+    fixed = fixed_of(family, fix)
     what: Any = "thermal_resistance"
     moving = None
     if map_ or period:
-        resonator, channel = ring_for(found, channel, ring, read)
+        resonator, channel = ring_for(family, channel, ring, read)
         if map_:
             what = PulsingMap(resonator, *grid(resonator, power, detuning, points))
         else:
             what = settled_of(resonator, power, detuning)
-        moving = optics_of(found, resonator)
-    held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads} | fixed
+        moving = optics_of(family, resonator)
+    held = {n: v for n, v in zip(family.names, family.box.middle, strict=True) if n not in spreads} | fixed
     if held:
-        units = units_of(found)
+        units = units_of(family)
         words = ", ".join(f"{name} = {written(float(value), units[name])}" for name, value in held.items())
         note(f"held: {words}" + ("" if set(held) <= set(fixed) else "; --fix and --spread change that"))
     if period and interpolate is None:
@@ -166,7 +166,7 @@ def uncertainty(
     ports = {"heated": channel.heated, "read": channel.read}
     settings: dict[str, Any] = {"samples": samples, "fixed": fixed, "optics": moving, "seed": seed, **ports}
     with options.executor_of(context, scheduler, workers) as executor, working("sampling"):
-        data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, executor=executor, **settings)
+        data = surrogate.uncertainty(family, spreads, what, interpolate=interpolate, executor=executor, **settings)
     if map_:
         th.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())

@@ -47,7 +47,7 @@ def export(
         options.unused(context, "is of the run that --power writes", "detuning")
     loaded = surrogate.load_model(model)
     shared: dict[str, Any] = {"to": to, "provenance": th.models.load_provenance(model), "fmi": fmi}
-    shared["platforms"] = [name.strip() for name in platforms.split(",") if name.strip()]
+    shared["platforms"] = list(filter(None, options.listed(platforms)))
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
     demo = None
     if power and (ring or circuit):

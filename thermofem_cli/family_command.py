@@ -36,27 +36,27 @@ def family(
     hot = None if power is None else quantity.parse(power, "W", name="--power")
     with options.executor_of(context, scheduler, workers) as executor, bar("training") as progress:
         training: dict[str, Any] = {"seed": seed, "executor": executor, "folder": folder, "power": hot}
-        found = surrogate.train_family(file, tolerance, **training, progress=progress)
-    found.save(output)
-    error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
+        trained = surrogate.train_family(file, tolerance, **training, progress=progress)
+    trained.save(output)
+    error = {"worst": trained.error.worst, "median": trained.error.median, "count": trained.error.count}
     say(
-        f"{found.size} functions ({found.engine}); error over {error['count']} rings not seen: "
+        f"{trained.size} functions ({trained.engine}); error over {error['count']} rings not seen: "
         f"worst {error['worst']:.1e}, median {error['median']:.1e}"
     )
-    if found.output_maps is not None:
-        say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
-    own = found.optics
-    if own is not None:
-        say(f"light of {own.solved} rings; error over rings left out: {own.words()}")
+    if trained.output_maps is not None:
+        say(f"k(T) up to {quantity.write(trained.output_maps.power, 'W')}: error {trained.output_maps.error:.1e}")
+    optics = trained.optics
+    if optics is not None:
+        say(f"light of {optics.solved} rings; error over rings left out: {optics.words()}")
     wrote(output)
     return {
         "family": output,
-        "functions": found.size,
-        "engine": found.engine,
+        "functions": trained.size,
+        "engine": trained.engine,
         "error": error,
-        "error_hot": None if found.output_maps is None else found.output_maps.error,
-        "error_optics": None if own is None else own.error,
-        "ranges": {name: list(map(float, ends)) for name, ends in found.ranges.items()},
+        "error_hot": None if trained.output_maps is None else trained.output_maps.error,
+        "error_optics": None if optics is None else optics.error,
+        "ranges": {name: list(map(float, ends)) for name, ends in trained.ranges.items()},
     }
 
 
@@ -81,14 +81,14 @@ def calibrate(
             noise = f"{float(noise)!r} K"
     spread = None if noise is None else quantity.positive_rise(noise, name="--noise")
     expect(file, "family")
-    found = surrogate.load_family(file)
+    trained = surrogate.load_family(file)
     for path in data:
         expect(path, "data")
     with working("fitting"), about(data):
         traces = [th.load(path) for path in data]
-        result = surrogate.calibrate(found, traces, noise=spread, heated=heated, read=read)
+        result = surrogate.calibrate(trained, traces, noise=spread, heated=heated, read=read)
     channel = result.channel
-    for name, unit in zip(found.names, found.box.units, strict=True):
+    for name, unit in zip(trained.names, trained.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]
         end = " (end of its range)" if name in result.active else ""
         say(f"{channel}: {name} = {written(value, unit, error)}{end}")

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import options
-from .console import parameter_unit, say, working, written, wrote
+from .console import parameter_unit, say, say_row, working, written, wrote
 
 if TYPE_CHECKING:
     import xarray as xr
 
     import thermofem as th
 
-KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
+FIT_KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 
 
 def fit(
@@ -36,7 +36,7 @@ def fit(
         str | None, typer.Option(help="Reading per kelvin of the thermometer, e.g. '10 mV/K' or '75 pm/K'.")
     ] = None,
     start: Annotated[
-        str | None, typer.Option(help="When the heating began, or the column of the drive; default: found.")
+        str | None, typer.Option(help="When the heating began, or the column of the drive; default: fitted.")
     ] = None,
     columns: Annotated[str | None, typer.Option(help="Columns of time and temperature by number, e.g. 4,5.")] = None,
     units: Annotated[str | None, typer.Option(help="Units of the two columns, e.g. 'us,mV'.")] = None,
@@ -60,7 +60,7 @@ def fit(
     """Train a compact model on heat data or on a measured trace and write it as JSON.
 
     For a table (thermofem fit scope.csv --pulse "4 us" --power "1.3 mW") --power, --pulse or --square say what was
-    applied. The offset is subtracted, the start of the heating is found, and what was assumed is printed.
+    applied. The offset is subtracted, the start of the heating is fitted, and what was assumed is printed.
     """
     import surrogate
     import thermofem as th
@@ -70,7 +70,7 @@ def fit(
     from .inputs.command_files import about, check_outputs, in_volts
     from .inputs.training_files import read_channel, training_of
 
-    checks.choice("--kind", kind, KINDS)
+    checks.choice("--kind", kind, FIT_KINDS)
     mzi: th.MZI | None = None
     if readout is None:
         options.unused(context, "goes with --readout mzi", "phase")
@@ -94,34 +94,34 @@ def fit(
     read_as |= {"heated": heated, "read": read, "light": mzi is not None}
     training, assumed = training_of(context, data, read_as)
     with about(data):
-        training = [read_channel(path, one, heated, read) for path, one in zip(data, training, strict=True)]
+        training = [read_channel(path, dataset, heated, read) for path, dataset in zip(data, training, strict=True)]
         with working("training"):
-            found = _trained(kind, training, order, mzi)
-    provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
-    surrogate.save_model(found.model, output, provenance=files.plain(provenance))
-    _print(found, kind, "V" if in_volts(assumed) else "K")
+            fitted = _trained(kind, training, order, mzi)
+    provenance = {**fitted.provenance, **({"assumed": assumed} if assumed else {})}
+    surrogate.save_model(fitted.model, output, provenance=files.plain(provenance))
+    _print(fitted, kind, "V" if in_volts(assumed) else "K")
     if figure is not None:
-        _draw(found, training[0], figure)
+        _draw(fitted, training[0], figure)
     wrote(output, figure)
     return {
         "kind": kind,
-        "parameters": dict(getattr(found, "parameters", {})),
-        "standard_errors": dict(getattr(found, "standard_errors", {})),
-        "thermal_resistance": found.model.thermal_resistance,
-        "residual": found.residual,
-        "relative_residual": found.relative_residual,
-        "notes": list(getattr(found, "notes", ())),
+        "parameters": dict(getattr(fitted, "parameters", {})),
+        "standard_errors": dict(getattr(fitted, "standard_errors", {})),
+        "thermal_resistance": fitted.model.thermal_resistance,
+        "residual": fitted.residual,
+        "relative_residual": fitted.relative_residual,
+        "notes": list(getattr(fitted, "notes", ())),
         "assumed": assumed,
         "model": output,
     }
 
 
-def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
+def _draw(fitted: Any, data: xr.Dataset, path: Path) -> None:
     """Draw the trace, the model and their difference."""
     from surrogate.plot import plot_fit
     from thermofem.plot import save_figure
 
-    save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
+    save_figure(plot_fit(fitted, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
 def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI | None) -> Any:
@@ -140,28 +140,30 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
     return surrogate.fit_foster(training, order=poles, readout=readout)
 
 
-def _print(found: Any, kind: str, kelvin: str) -> None:
+def _print(fitted: Any, kind: str, kelvin: str) -> None:
     """Print the equations of a network, or parameters with errors; R_th; the misfit; undetermined time constants.
 
     kelvin: "K", or "V" where volts count as kelvin.
     """
     from surrogate.studies.inverse_search import rise_time
 
-    for equation in getattr(found, "equations", ()):
+    for equation in getattr(fitted, "equations", ()):
         say(equation)
     rows = []
     if kind == "spectrum":
-        for r, tau in zip(found.model.R, found.model.tau, strict=True):
+        for r, tau in zip(fitted.model.R, fitted.model.tau, strict=True):
             rows.append(("R", f"{written(float(r), 'K/W')} at tau = {written(float(tau), 's')}"))
     elif kind != "sindy":
-        errors = found.standard_errors
-        rows += [(name, written(value, parameter_unit(name), errors[name])) for name, value in found.parameters.items()]
-    rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    noise = {True: ", noise", False: ", systematic", None: ""}[getattr(found, "misfit_is_noise", None)]
-    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
-    if hasattr(found.model, "R"):
-        rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))
+        errors = fitted.standard_errors
+        rows += [
+            (name, written(value, parameter_unit(name), errors[name])) for name, value in fitted.parameters.items()
+        ]
+    rows.append(("R_th", written(fitted.model.thermal_resistance, "K/W")))
+    noise = {True: ", noise", False: ", systematic", None: ""}[getattr(fitted, "misfit_is_noise", None)]
+    rows.append(("misfit", f"{fitted.residual:.3g} K rms, {100 * fitted.relative_residual:.2g} % of the swing{noise}"))
+    if hasattr(fitted.model, "R"):
+        rows.append(("rise time (10-90 %)", written(rise_time(fitted.model), "s")))
     for name, text in rows:
-        say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
-    for line in getattr(found, "notes", ()):
-        say(f"{'note':>22} : {line}")
+        say_row(name, re.sub(r"K(?![a-z])", kelvin, text))
+    for line in getattr(fitted, "notes", ()):
+        say_row("note", line, ":")

@@ -103,6 +103,11 @@ Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
 
+def listed(text: str | None) -> list[str]:
+    """Return the texts between commas; none of None."""
+    return [part.strip() for part in text.split(",")] if text else []
+
+
 def unused(context: typer.Context, why: str, *names: str) -> None:
     """Raise InputError where one of these options is given although it has no effect; ``why`` is the reason."""
     from thermofem.errors import InputError
@@ -121,22 +126,22 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
     They set up the console; ``command`` itself gets only those of them that are among its own arguments.
     """
-    own = inspect.signature(command, eval_str=True).parameters
+    arguments = inspect.signature(command, eval_str=True).parameters
     common = {
         name: inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         for name, (kind, default) in EVERYWHERE.items()
     }
-    rest = [value for name, value in own.items() if name not in common]
+    others = [value for name, value in arguments.items() if name not in common]
 
     @functools.wraps(command)
-    def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **given: Any) -> Any:
+    def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **values: Any) -> Any:
         from thermofem.models import OutsideTrainingWarning
 
         warnings.simplefilter("default", OutsideTrainingWarning)  # `main` ignores the others
         console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)
-        return command(**{name: value for name, value in given.items() if name in own})
+        return command(**{name: value for name, value in values.items() if name in arguments})
 
-    parameters = [*rest, *(own.get(name, one) for name, one in common.items())]
+    parameters = [*others, *(arguments.get(name, parameter) for name, parameter in common.items())]
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     return run
 

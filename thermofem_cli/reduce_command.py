@@ -56,11 +56,11 @@ def reduce(
         return reduced_racetrack(section, max(tolerance, LAYOUT), heated, read, positions, output)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy, mesh=mesh)
-        names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
+        names = options.listed(heated) or [heat.heated[0]]
         for name in names:
             checks.choice("--heated", name, heat.heated)
         light = [LIGHT] if LIGHT in heat.readable else []
-        outputs = [name.strip() for name in read.split(",")] if read else [*names[:1], *light]
+        outputs = options.listed(read) or [*names[:1], *light]
         for name in outputs:
             checks.choice("--read", name, heat.readable)
         if positions is not None:

@@ -77,18 +77,18 @@ def solve(
     files = [output, figure, preview, paraview]
     check_outputs(files, images=[figure, preview], inputs=[geometry, mesh])
     length = quantity.positive(duration, "s", name="--duration")
-    kept = times_of(field_times)
-    if paraview and not kept:
-        kept = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
+    instants = times_of(field_times)
+    if paraview and not instants:
+        instants = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
     if paraview:
-        th.fields.field_file(paraview, len(kept))
+        th.fields.field_file(paraview, len(instants))
 
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy, mesh=mesh)
     if preview:
         draw_preview(section, heat.mesh, preview)
-    parts = [name.strip() for name in heated.split(",")] if heated else []
-    outputs = [name.strip() for text in read or () for name in text.split(",")]
+    parts = options.listed(heated)
+    outputs = [name for text in read or () for name in options.listed(text)]
     if len(parts) > 1:
         heat = heat.heated_together(parts)
         note(f"the power is divided evenly between {heated}: 1/{len(parts)} in each")
@@ -96,8 +96,8 @@ def solve(
         outputs = outputs or parts
     elif heated is None and len(heat.heated) > 1:
         note(f"{heat.heated[0]} alone carries the power; --heated {', '.join(heat.heated)!r} divides it between them")
-    wanted = outputs[0] if len(outputs) == 1 else tuple(outputs) or None
-    settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
+    reading = outputs[0] if len(outputs) == 1 else tuple(outputs) or None
+    settings: dict[str, Any] = {"heated": heated, "read": reading, "rtol": rtol}
     what = f"solving with {heat.unknowns} unknowns"
     if periodic:
         with working(what):
@@ -105,7 +105,7 @@ def solve(
     else:
         times = np.linspace(0, length, samples)
         with time_bar(what, length) as progress:
-            data = th.solve(heat, wave, times, field_times=kept, progress=progress, **settings)
+            data = th.solve(heat, wave, times, field_times=instants, progress=progress, **settings)
     with working("writing"):
         th.save(data, output)
         if paraview:
@@ -119,7 +119,7 @@ def solve(
     sheets = say_sheets(heat)
     wrote(*files)
     numbers |= sheets
-    numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
+    numbers |= {"unknowns": heat.unknowns, "read": reading or numbers["heated"]}
     return {**numbers, "wrote": [path for path in files if path]}
 
 

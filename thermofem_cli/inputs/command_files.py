@@ -163,6 +163,13 @@ def in_volts(assumed: Any) -> bool:
     return isinstance(assumed, list) and any("1 V counts as 1 K" in str(line) for line in assumed)
 
 
+def check_channel(model: Any, heated: str | None, read: str | None) -> None:
+    """Raise InputError where --heated or --read names no input or output of a model or a family."""
+    for option, part, parts in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
+        if part is not None:
+            checks.choice(option, part, parts)
+
+
 def model_of(
     path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
 ) -> tuple[ThermalModel, dict[str, Any]]:
@@ -174,9 +181,7 @@ def model_of(
     model: ThermalModel = load_model(path)
     if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
         note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
-    for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
-        if given is not None:
-            checks.choice(option, given, names)
+    check_channel(model, heated, read)
     parts = getattr(model, "heated", model.inputs)
     if len(parts) > 1 and heated is None and not list(heaters):
         first = shlex.quote(model.inputs[0])

@@ -19,7 +19,7 @@ import thermofem as th
 from thermofem import InputError, checks
 from thermofem.data import quantity
 
-from ..options import unused
+from ..options import listed, unused
 
 NAMED = re.compile(r"^\s*([^=]*[^\s=])\s*=\s*(.*\S)\s*$")
 RANGE = "FIRST, LAST: two quantities, such as"
@@ -67,8 +67,8 @@ def heating(
 
 def times_of(texts: list[str] | None) -> tuple[float, ...]:
     """Return the sorted times in s of --field-times '1 us, 5 us', an option that may be repeated."""
-    given = [part.strip() for text in texts or [] for part in text.split(",")]
-    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
+    times = [quantity.parse(time, "s", name="--field-times") for text in texts or [] for time in listed(text)]
+    return tuple(sorted(times))
 
 
 def begins_with(option: str, text: str) -> str:

@@ -16,7 +16,7 @@ from thermofem.ring_temperature import check_read, detuning_output
 
 from .. import options
 from ..console import note, written
-from .command_files import note_ring, ring_of
+from .command_files import check_channel, note_ring, ring_of
 from .drive_texts import assigned, reading
 from .light_drives import detuning_of
 
@@ -45,9 +45,7 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
 
 def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelNames:
     """The channel of --heated and --read; the error has the options' names."""
-    for option, part, parts in (("--heated", heated, family.inputs), ("--read", read, family.outputs)):
-        if part is not None:
-            checks.choice(option, part, parts)
+    check_channel(family, heated, read)
     return family.named_channel(heated, read)
 
 
@@ -68,8 +66,7 @@ def ring_for(family: Family, channel: ChannelNames, given: str, read: str | None
     channel = replace(channel, read=output)
     mode = mode_of(family)
     check_read(ring, geometry_of(family), channel.heated, output, mode=mode, chosen=read is not None)
-    values = dict(zip(family.names, family.box.middle.tolist(), strict=True))
-    middle = family.of_channel(channel, values)
+    middle = family.of_channel(channel, family.box.named(family.box.middle))
     return as_read(ring, middle), channel
 
 

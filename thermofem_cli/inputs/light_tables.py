@@ -16,6 +16,7 @@ from thermofem.data.number_table import Column
 from thermofem.errors import InputError
 
 from ..console import note
+from ..options import listed
 from .drive_texts import assigned
 
 RELATIVE = "fraction"  # arbitrary unit of powers that were in dB
@@ -41,15 +42,15 @@ def watts_of(name: str, values: Array, unit: str) -> tuple[Array, str]:
 
 def held_of(ring: RingResonator, held: list[str] | None) -> dict[str, float]:
     """Return standard deviations in SI of --held 'NAME=DEVIATION', a share in per cent of the number that is held."""
-    known = {name: number_of(ring, name) for name in fitted_names(ring)} | {"power": 1.0}
-    found = {}
+    numbers = {name: number_of(ring, name) for name in fitted_names(ring)} | {"power": 1.0}
+    deviations = {}
     for name, text in assigned("--held", held or [], "fca_cross_section=5 %").items():
-        checks.choice("--held", name, known)
+        checks.choice("--held", name, numbers)
         if not text.endswith("%"):
             raise InputError(f"--held {name} = {text!r} must be a share of the number", "such as '5 %'")
         share = quantity.positive(text.removesuffix("%").strip(), "", name=f"--held {name}") / 100
-        found[name] = share * known[name]
-    return found
+        deviations[name] = share * numbers[name]
+    return deviations
 
 
 def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
@@ -84,7 +85,7 @@ def _two_columns(path: Path, columns: str, units: str | None, example: str) -> t
     from thermofem.data.number_table import number_table
 
     first, second = number_table(path.read_bytes()).pair(columns)
-    stated = [text.strip() for text in units.split(",")] if units else ["", ""]
+    stated = listed(units) or ["", ""]
     if len(stated) != 2:
         raise InputError(f"--units = {units!r} must be two units", f'such as "{example}"')
     return first, second, stated[0] or first.unit, stated[1] or second.unit
@@ -100,5 +101,5 @@ def _si_values(path: Path, column: Column, unit: str, dimensions: str) -> Array:
 
 def rate_bounds(ring: coupled.RingResonator, free: str) -> dict[str, tuple[float, float]]:
     """Return wide bounds of free rates: the split of the linewidth into bus and losses is not known before."""
-    rates = [name.strip() for name in free.split(",") if name.strip().endswith("_rate")]
-    return {name: (number_of(ring, name) / WIDE, number_of(ring, name) * WIDE) for name in rates}
+    rates = {name: number_of(ring, name) for name in listed(free) if name.endswith("_rate")}
+    return {name: (rate / WIDE, rate * WIDE) for name, rate in rates.items()}

@@ -9,7 +9,7 @@ from thermofem import checks
 from thermofem.ring_temperature import CORE, detuning_output
 
 from ..console import note, working
-from .command_files import expect, section_of
+from .command_files import check_channel, expect, section_of
 
 
 def loaded_models(paths: list[Path], heated: str | None, read: str | None) -> dict[str, th.models.ThermalModel]:
@@ -20,9 +20,7 @@ def loaded_models(paths: list[Path], heated: str | None, read: str | None) -> di
     checks.unique("MODELS", names, hint="models are named after the files")
     models = {name: surrogate.load_model(path) for name, path in zip(names, paths, strict=True)}
     for model in models.values():
-        for option, part, parts in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
-            if part is not None:
-                checks.choice(option, part, parts)
+        check_channel(model, heated, read)
     return models
 
 
@@ -30,9 +28,9 @@ def models_of_family(family: Any) -> dict[str, Any]:
     """Return the second-order model and Newton's law, trained on the family's member in the middle of its ranges."""
     from surrogate.judging.ladder import fit_usual
 
-    middle = dict(zip(family.names, (family.box.low + family.box.high) / 2, strict=True))
-    found = fit_usual(family.model(**middle))
-    return {f"{name}, of the middle": found[name] for name in ("second order", "Newton's law")}
+    middle = family.box.named((family.box.low + family.box.high) / 2)
+    models = fit_usual(family.model(**middle))
+    return {f"{name}, of the middle": models[name] for name in ("second order", "Newton's law")}
 
 
 def models_of_geometry(

@@ -12,7 +12,7 @@ from thermofem.arrays import Array, ArrayLike
 
 from ..console import note, say, written
 
-SAME = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
+SAME_RESISTANCE = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
 
 
 def steady_rises(heat: th.fem.HeatProblem, data: xr.Dataset, power: float | None) -> dict[str, float]:
@@ -43,7 +43,7 @@ def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) ->
         line = f"R_th of {of} = {R / 1e3:.4g} K/mW"
         if power:
             share = rises[name] / steady[name]
-            settles = abs(steady[name] / (R * power) - 1) < SAME
+            settles = abs(steady[name] / (R * power) - 1) < SAME_RESISTANCE
             line += "" if settles else f" at small power, {steady[name] / power / 1e3:.4g} K/mW at this one"
             rise_times[name] = _rise_time(times, share)
             line += _progress(share, rise_times[name])

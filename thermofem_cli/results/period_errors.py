@@ -20,7 +20,7 @@ from ..console import bar, note, say, show, working, written
 from ..inputs.command_files import expect
 from ..inputs.light_drives import plane_words
 
-SAME = "no material depends on temperature: the same at every power"
+POWER_IS_ALIKE = "no material depends on temperature: the same at every power"
 
 
 class Judged(NamedTuple):
@@ -66,7 +66,7 @@ def judged_geometry(
         heat = th.assemble(geometry, accuracy)
         ladder, errors = judge_geometry(heat, heated=heated, read=read, **wave)
         lines = [verdict(errors, within=within).splitlines()[0] for within in (0.1, 0.01)]
-        lines += _against_power(ladder.reference) if heat.nonlinear else [SAME]
+        lines += _against_power(ladder.reference) if heat.nonlinear else [POWER_IS_ALIKE]
     whole = errors.squeeze("power").rename(period_error="relative_error")
     found = {name: whole.sel(model=name) for name in whole["model"].values.tolist()}
     by = "its FEM with k(T)" if heat.nonlinear else "its FEM"

@@ -15,6 +15,7 @@ from thermofem.data import files, quantity
 from thermofem.geometry.section_parts import LIGHT
 
 from ..console import say, working, written, wrote
+from ..options import listed
 
 
 def reduced_racetrack(
@@ -34,11 +35,11 @@ def reduced_racetrack(
     with working("solving the section and the path of the racetrack"):
         made = reduce_racetrack(section, tolerance)
     whole = made.model
-    names = [name.strip() for name in heated.split(",")] if heated else [whole.inputs[0]]
+    names = listed(heated) or [whole.inputs[0]]
     for name in names:
         checks.choice("--heated", name, whole.inputs)
     light = [LIGHT] if LIGHT in whole.outputs else []
-    outputs = [name.strip() for name in read.split(",")] if read else [*names[:1], *light]
+    outputs = listed(read) or [*names[:1], *light]
     for name in outputs:
         checks.choice("--read", name, whole.outputs, hint="a racetrack has its heated parts, and light")
     rows = [whole.outputs.index(name) for name in outputs]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import options
-from ..console import note, parameter_unit, say, watched, written, wrote
+from ..console import note, say_fitted, say_row, watched, written, wrote
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
 UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."
@@ -56,56 +56,55 @@ def identify(
     resonator = ring_of(ring)
     deviations = held_of(resonator, held)
     tables = [path for path in traces if path.suffix != ".nc"]
-    for option, given in (("--power", power or []), ("--detuning", detuning or [])):
-        if len(given) != len(tables):
-            raise InputError(f"{option} is given {len(given)} times for {len(tables)} tables; give one for each")
-    seen = [] if len(tables) == len(traces) else [th.load(path) for path in traces if path not in tables]
+    for option, values in (("--power", power or []), ("--detuning", detuning or [])):
+        if len(values) != len(tables):
+            raise InputError(f"{option} is given {len(values)} times for {len(tables)} tables; give one for each")
+    measured = [] if len(tables) == len(traces) else [th.load(path) for path in traces if path not in tables]
     for path, watts, shift in zip(tables, power or [], detuning or [], strict=True):
-        one = drop_table(path, columns, units)
-        one.attrs = {
+        trace = drop_table(path, columns, units)
+        trace.attrs = {
             "input_power": quantity.positive(watts, "W", name="--power"),
             "detuning": detuning_of(shift, resonator),
             "settled": settled,
         }
-        seen.append(one)
-    found = coupled.identify(
-        resonator, seen, free=[name.strip() for name in free.split(",")], model=model_of(model)[0] if model else None,
-        seed=seed, show_bar=watched(), held=deviations,
-    )  # fmt: skip
-    output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "identified")), encoding="utf-8")
-    save_model(found.model, heat)
+        measured.append(trace)
+    start = model_of(model)[0] if model else None
+    result = coupled.identify(
+        resonator, measured, free=options.listed(free), model=start, seed=seed, show_bar=watched(), held=deviations
+    )
+    output.write_text(write_text(result.ring, dict.fromkeys(result.parameters, "identified")), encoding="utf-8")
+    save_model(result.model, heat)
     if figure:
         from coupled.plot import plot_identification
         from thermofem.plot import save_figure
 
-        save_figure(plot_identification(found)[0], figure)
+        save_figure(plot_identification(result)[0], figure)
     note_ring(resonator, ring)
-    for name, value in found.parameters.items():
-        say(f"{name:>22} = {written(value, parameter_unit(name), found.standard_deviations[name])}")
-    resistance = written(float(found.model.thermal_resistance), "K/W", found.thermal_resistance_deviation)
-    say(f"{'R_th':>22} = {resistance}")
-    misfit = float(found.samples["misfit"].min())
-    scale = "3e-5 of the period and 2e-4 of the swing" if found.smooth else "the noise"
-    verdict = "the fit failed" if found.failed else "no noise in the traces" if found.smooth else "noise"
-    say(f"{'misfit':>22} = {misfit:.3g} of {scale}: {verdict}")
-    for k, (read, own) in enumerate(
-        zip(found.residuals.period.values, found.residuals.period_model.values, strict=True)
-    ):
-        say(f"{f'period of trace {k}':>22} = {written(float(read), 's')}, of the model {written(float(own), 's')}")
-    for line in leaning(found.sensitivities):
-        say(f"{'held':>22} : {line}")
-    for line in found.notes:
+    say_fitted(result)
+    R_th = float(result.model.thermal_resistance)
+    say_row("R_th", written(R_th, "K/W", result.thermal_resistance_deviation))
+    misfit = float(result.samples["misfit"].min())
+    scale = "3e-5 of the period and 2e-4 of the swing" if result.smooth else "the noise"
+    verdict = "the fit failed" if result.failed else "no noise in the traces" if result.smooth else "noise"
+    say_row("misfit", f"{misfit:.3g} of {scale}: {verdict}")
+    of_data = result.residuals.period.values.tolist()
+    of_model = result.residuals.period_model.values.tolist()
+    for k, (period, modelled) in enumerate(zip(of_data, of_model, strict=True)):
+        say_row(f"period of trace {k}", f"{written(period, 's')}, of the model {written(modelled, 's')}")
+    for line in leaning(result.sensitivities):
+        say_row("held", line, ":")
+    for line in result.notes:
         note(line)
     wrote(output, heat, figure)
     return {
-        "parameters": found.parameters,
-        "standard_deviations": found.standard_deviations,
-        "thermal_resistance": float(found.model.thermal_resistance),
-        "thermal_resistance_deviation": found.thermal_resistance_deviation,
-        "sensitivities": found.sensitivities,
+        "parameters": result.parameters,
+        "standard_deviations": result.standard_deviations,
+        "thermal_resistance": R_th,
+        "thermal_resistance_deviation": result.thermal_resistance_deviation,
+        "sensitivities": result.sensitivities,
         "misfit": misfit,
-        "failed": found.failed,
-        "passed": not found.failed,
-        "notes": list(found.notes),
+        "failed": result.failed,
+        "passed": not result.failed,
+        "notes": list(result.notes),
         "wrote": [path for path in (output, heat, figure) if path],
     }

@@ -62,7 +62,7 @@ def linearize(
     size = np.abs(linear.eigenvalues)
     response = linear.response(np.geomspace(size.min() / 100, size.max() * 10, POINTS) / (2 * np.pi))
     note_ring(resonator, ring)
-    numbers = _said(linear, response, given)
+    numbers = say_response(linear, response, given)
     if csv:
         _write(response.sel(input=given), csv)
     if figure:
@@ -76,7 +76,7 @@ def linearize(
     return {**numbers, **names, **matrices, "figure": figure, "csv": csv}
 
 
-def _said(linear: coupled.Linear, response: xr.Dataset, given: str) -> dict[str, Any]:
+def say_response(linear: coupled.Linear, response: xr.Dataset, given: str) -> dict[str, Any]:
     """Print and return stability, R_eff, and gain and bandwidth from one input to drop power and temperature."""
     import numpy as np
 
@@ -89,18 +89,18 @@ def _said(linear: coupled.Linear, response: xr.Dataset, given: str) -> dict[str,
     say(f"{word}; leading eigenvalue {leading.real:.4g} 1/s{oscillates}; rise {rise:.4g} K")
     R = linear.thermal_resistance
     say(f"R_eff, with the light's feedback, {R / 1e3:.4g} K/mW")
-    found = {}
+    responses = {}
     for name in ("drop", "through", "delta_T"):
-        one = response["response"].sel(input=given, output=name)
+        channel = response["response"].sel(input=given, output=name)
         static = float(linear.static[linear.outputs.index(name), linear.inputs.index(given)])
-        bandwidth = _bandwidth(one["frequency"].values, np.abs(one.values), abs(static))
-        gain = quantity.gain(static, one["output_unit"].item(), one["input_unit"].item())
+        bandwidth = _bandwidth(channel["frequency"].values, np.abs(channel.values), abs(static))
+        gain = quantity.gain(static, channel["output_unit"].item(), channel["input_unit"].item())
         band = "no frequency of the plot" if bandwidth is None else quantity.rounded(bandwidth, "Hz")
         say(f"{given} to {name}: {gain} at rest, -3 dB at {band}")
-        found[name] = {"static": static, "bandwidth": bandwidth}
+        responses[name] = {"static": static, "bandwidth": bandwidth}
     eigenvalues = [[float(value.real), float(value.imag)] for value in linear.eigenvalues]
     light = {"stable": linear.stable, "thermal_resistance": R, "delta_T": rise}
-    return {**light, "eigenvalues": eigenvalues, "input": given, "responses": found}
+    return {**light, "eigenvalues": eigenvalues, "input": given, "responses": responses}
 
 
 def _bandwidth(f: np.ndarray, size: np.ndarray, static: float) -> float | None:
@@ -124,8 +124,8 @@ def _write(response: xr.Dataset, path: Path) -> None:
     values = response["response"]
     columns = {"frequency (Hz)": values["frequency"].values}
     for name in values["output"].values:
-        one = values.sel(output=name)
-        per = f"{one['output_unit'].item()}/{one['input_unit'].item()}"
-        columns[f"|{name}| ({per})"] = np.abs(one.values)
-        columns[f"phase of {name} (deg)"] = np.degrees(np.unwrap(np.angle(one.values)))
+        channel = values.sel(output=name)
+        per = f"{channel['output_unit'].item()}/{channel['input_unit'].item()}"
+        columns[f"|{name}| ({per})"] = np.abs(channel.values)
+        columns[f"phase of {name} (deg)"] = np.degrees(np.unwrap(np.angle(channel.values)))
     write_columns(path, columns)

@@ -1,14 +1,19 @@
 """``thermofem modes`` and ``ring``: geometry in, guided modes or a ring file out."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .. import options
 from ..console import note, say, working, wrote
+
+if TYPE_CHECKING:
+    import thermofem as th
 
 
 def modes(
@@ -25,7 +30,6 @@ def modes(
 
     from ..inputs.command_files import check_outputs, section_of
     from ..inputs.drive_texts import wavelength_of
-    from ..results.mode_lines import mode_numbers, mode_words
 
     section = section_of(geometry)
     check_outputs([figure], images=[figure], inputs=[geometry])
@@ -59,6 +63,61 @@ def modes(
         "n_eff_error": first.error,
         "wrote": [figure] if figure else [],
     }
+
+
+def mode_numbers(mode: th.optics.Mode) -> dict[str, Any]:
+    """Return the numbers of a mode by name, in SI but for the leak in dB/cm."""
+    ring = not math.isinf(mode.radius)
+    quality = mode.q_radiation if ring else math.inf
+    return {
+        "name": mode.name,
+        "n_eff": mode.n_eff,
+        "n_g": mode.n_g,
+        "te_fraction": mode.te_fraction,
+        "thermo_optic": None if mode.lacking_in_core else mode.thermo_optic,
+        "confinement": mode.confinement,
+        "volume_2": mode.volume(2),
+        "volume_3": mode.volume(3),
+        "core_fraction_2": mode.core_fraction(2),
+        "core_fraction_3": mode.core_fraction(3),
+        "q_radiation": None if math.isinf(quality) else quality,
+        "leak": mode.substrate_loss,
+        "leaky": mode.leaky,
+        "hybrid": mode.hybrid,
+    }
+
+
+def mode_words(mode: th.optics.Mode) -> str:
+    """Return a line of text with the numbers of a mode."""
+    kind = f"TE {mode.te_fraction:.0%}, hybrid" if mode.hybrid else f"TE {mode.te_fraction:.0%}"
+    return (
+        f"{mode.name}: n_eff {mode.n_eff:.5f}, n_g {mode.n_g:.5f}, {kind}, dn_eff/dn "
+        f"{mode.confinement[mode.core]:.4f} in {mode.core}, {_shift(mode)}, V_2 {mode.volume(2) * 1e18:.4g} um^3, "
+        f"V_3 {mode.volume(3) * 1e18:.4g} um^3{_radiation(mode)}{_leak(mode)}"
+    )
+
+
+def _shift(mode: th.optics.Mode) -> str:
+    """Return the shift per kelvin in pm/K, or what is missing for it."""
+    if mode.lacking_in_core:
+        return f"pm/K unknown (thermo_optic of {' and '.join(mode.lacking_in_core)} is missing)"
+    shift = mode.thermo_optic * mode.wavelength / 1e-12
+    return f"{shift:.3g} pm/K"
+
+
+def _radiation(mode: th.optics.Mode) -> str:
+    """Return the quality factor of the bend in words; "" of a straight guide."""
+    if math.isinf(mode.radius):
+        return ""
+    quality = mode.q_radiation
+    return ", Q_rad > 1e11" if math.isinf(quality) else f", Q_rad {quality:.3g}"
+
+
+def _leak(mode: th.optics.Mode) -> str:
+    """Return the leak of a mode in dB/cm and what it leaks into; "" where it does not leak."""
+    if not mode.substrate_loss:
+        return ""
+    return f", leaks {mode.substrate_loss:.3g} dB/cm into {' and '.join(mode.drains)}"
 
 
 def ring(
@@ -101,7 +160,7 @@ def ring(
     if loss is None and (section.light is None or section.light.loss is None):
         loss = "2 dB/cm"
     with working("solving"):
-        made = coupled.ring_from(
+        computed = coupled.ring_from(
             section,
             wavelength=wavelength_of(section, wavelength),
             loss=None if loss is None else quantity.parse(loss, "1/m", name="--loss"),
@@ -111,28 +170,29 @@ def ring(
             buses=buses,
             mode=mode,
         )
-    files.write_whole(output, lambda path: path.write_text(made.to_toml(), encoding="utf-8"))
-    found, names = made.ring, [one.name for one in made.mode.light.modes]
+    files.write_whole(output, lambda path: path.write_text(computed.to_toml(), encoding="utf-8"))
+    resonator = computed.ring
+    names = [guided.name for guided in computed.mode.light.modes]
     if len(names) > 1:
-        note(f"the guide holds {', '.join(names)}; {made.mode.name} is taken, --mode picks another")
+        note(f"the guide holds {', '.join(names)}; {computed.mode.name} is taken, --mode picks another")
     say(
-        f"{found.name}: {quantity.rounded(c / found.frequency, 'm', 6)}, Q {found.loaded_q:.4g}, "
-        f"intrinsic Q {found.intrinsic_q:.4g}, n_g {found.group_index:.5g}, "
-        f"V_2 {found.tpa_volume * 1e18:.4g} um^3, {found.shift_per_kelvin / 1e-12:.4g} pm/K"
+        f"{resonator.name}: {quantity.rounded(c / resonator.frequency, 'm', 6)}, Q {resonator.loaded_q:.4g}, "
+        f"intrinsic Q {resonator.intrinsic_q:.4g}, n_g {resonator.group_index:.5g}, "
+        f"V_2 {resonator.tpa_volume * 1e18:.4g} um^3, {resonator.shift_per_kelvin / 1e-12:.4g} pm/K"
     )
-    say(f"bus: {made.origins['bus_rate']}")
+    say(f"bus: {computed.origins['bus_rate']}")
     sheets: dict[str, Any] = {}
     if section.straight and len(section.heated) > 1:
         note("no data sheet of heaters: that of a racetrack is `thermofem reduce --heated HEATER --read light`")
     elif len(section.heated) > 1:
         with working("solving the heat"):
-            heat = th.assemble(replace(section, light=None)).with_light(made.mode)
+            heat = th.assemble(replace(section, light=None)).with_light(computed.mode)
         sheets = say_sheets(heat)
     wrote(output)
-    origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in made.origins.items()}
+    origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in computed.origins.items()}
     return {
-        "loaded_q": found.loaded_q,
-        "intrinsic_q": found.intrinsic_q,
+        "loaded_q": resonator.loaded_q,
+        "intrinsic_q": resonator.intrinsic_q,
         "origins": origins,
         **sheets,
         "wrote": [output],

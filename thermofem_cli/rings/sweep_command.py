@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import options
-from ..console import note, parameter_unit, say, working, written, wrote
+from ..console import note, say_fitted, say_row, working, wrote
 
 SWEEPS = "Table of wavelength and of the power at a port, one for each power; slow sweeps, up, down or both."
 FREE = "Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power."
@@ -57,37 +57,36 @@ def sweep(
     deviations = held_of(resonator, held)
     data = []
     for path, watts in zip(sweeps, power, strict=True):
-        one = sweep_table(path, columns, units, port)
-        data.append(one.assign_attrs(power=quantity.positive(watts, "W", name="--power")))
+        table = sweep_table(path, columns, units, port)
+        data.append(table.assign_attrs(power=quantity.positive(watts, "W", name="--power")))
     start = model_of(model)[0] if model else None
     resonator = with_seen_resonance(resonator, data)
     wavelength = c / resonator.frequency
     note(f"the search starts at {wavelength * 1e9:.6g} nm and a loaded Q of {resonator.loaded_q:.3g}")
     with working("fitting the sweeps"):
-        found = coupled.fit_transmission(
-            resonator, data, free=[name.strip() for name in free.split(",")], model=start, noise=noise,
-            held=deviations, bounds=rate_bounds(resonator, free),
-        )  # fmt: skip
-    output.write_text(write_text(found.ring, dict.fromkeys(found.parameters, "fitted")), encoding="utf-8")
-    save_model(found.model, heat)
+        bounds = rate_bounds(resonator, free)
+        result = coupled.fit_transmission(
+            resonator, data, free=options.listed(free), model=start, noise=noise, held=deviations, bounds=bounds
+        )
+    output.write_text(write_text(result.ring, dict.fromkeys(result.parameters, "fitted")), encoding="utf-8")
+    save_model(result.model, heat)
     if figure:
         from coupled.plot import plot_transmission_fit
         from thermofem.plot import save_figure
 
-        save_figure(plot_transmission_fit(found)[0], figure)
+        save_figure(plot_transmission_fit(result)[0], figure)
     note_ring(resonator, ring)
-    for name, value in found.parameters.items():
-        say(f"{name:>22} = {written(value, parameter_unit(name), found.standard_deviations[name])}")
-    say(f"{'misfit':>22} = {found.misfit:.3g} of noise and steps")
-    for line in leaning(found.sensitivities):
-        say(f"{'held':>22} : {line}")
+    say_fitted(result)
+    say_row("misfit", f"{result.misfit:.3g} of noise and steps")
+    for line in leaning(result.sensitivities):
+        say_row("held", line, ":")
     wrote(output, heat, figure)
     return {
-        "parameters": found.parameters,
-        "standard_deviations": found.standard_deviations,
-        "sensitivities": found.sensitivities,
-        "alternative": found.alternative,
-        "misfit": found.misfit,
-        "notes": list(found.notes),
+        "parameters": result.parameters,
+        "standard_deviations": result.standard_deviations,
+        "sensitivities": result.sensitivities,
+        "alternative": result.alternative,
+        "misfit": result.misfit,
+        "notes": list(result.notes),
         "wrote": [path for path in (output, heat, figure) if path],
     }
