@@ -21,6 +21,7 @@ from scipy.sparse import issparse
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.geometry.resistor import Resistor
+from thermofem.errors import Hint
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 
@@ -82,11 +83,14 @@ class ResistiveHeater:
     resistor: Resistor
 
     def power(self, square: Any, rise: Any) -> Any:
-        """Power in W for the square of the drive and the rise in K; InputError where R is not positive."""
+        """Power in W for the square of the drive and the rise in K; InputError where R or the power is out of range."""
         resistance = self.resistor.resistance * (1 + self.resistor.tcr * rise)
         hint = f"at a rise of {np.max(np.abs(rise)):.4g} K; tcr = {self.resistor.tcr:g} 1/K does not reach that far"
         checks.positive(f"resistance of {self.name!r}", float(np.min(resistance)), unit="ohm", hint=hint)
-        return square * resistance**self.drive.exponent
+        power = square * resistance**self.drive.exponent
+        drive = f"by {np.sqrt(np.max(square)):g} {self.drive.unit} in {self.resistor.resistance:g} ohm"
+        checks.between(f"power of {self.name!r} {drive}", float(np.max(power)), 0, LARGEST_POWER, unit="W")
+        return power
 
     def slope(self, power: float, rise: float) -> float:
         """dP/dT in W/K at a constant drive."""
@@ -131,7 +135,7 @@ def _resistor(model: Any, name: str, values: Any) -> Resistor:
     if text:
         return CrossSection.from_toml_text(text).resistor(name)
     raise checks.InputError(
-        f"heaters[{name!r}]: the thermal model records no geometry, so no resistance is known",
+        f"the resistance of {name!r} is not known: the thermal model records no geometry",
         "give its power in W, or a model that was made from a geometry with resistances",
     )
 
@@ -180,7 +184,7 @@ def heater_power(name: str, value: Any) -> float:
     if name == AMBIENT:
         hint = "it is in kelvin above the ambient of the geometry"
         return checks.between(AMBIENT, value, -LARGEST_AMBIENT, LARGEST_AMBIENT, unit="K", hint=hint)
-    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
+    hint = Hint("a constant power in W, such as 5e-3; coupled.simulate takes waveforms")
     return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
 
 

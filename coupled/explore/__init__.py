@@ -18,7 +18,7 @@ from thermofem.models import ThermalModel
 from thermofem.ring_temperature import check_read, detuning_output
 
 from ..inputs import check_detuning, check_power, check_ring
-from ..resistive_heaters import heater_power
+from ..resistive_heaters import at_rest
 from ..resonator import RingResonator
 from ..thermal import check_geometry, geometry_of, mode_of
 from . import bundle, contents
@@ -63,7 +63,7 @@ def explore(
     detuning: float = 0.0,
     heat: HeatProblem | None = None,
     family: Any = None,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Mapping[str, Any] | None = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> Page:
@@ -90,8 +90,9 @@ def explore(
         adds sliders for its first three parameters, whose member is the thermal model shown first. Its step
         response is interpolated linearly between members on a grid of the parameters; the page states the error.
         Without a reduction among the models this member is the reference for their period errors.
-    heaters : mapping of name to float, W, optional
-        powers of heaters when the page opens. Every input of a model but the one that the light heats gets a slider.
+    heaters : mapping of name to float, W; or to `Volts` or `Amperes`; optional
+        powers of heaters when the page opens, those at rest in the dark under a voltage or a current. Every input of a
+        model but the one that the light heats gets a slider.
     heated, read : str, optional
         the input of such a model that the light heats, by default its first, and the output that detunes it.
 
@@ -148,7 +149,7 @@ def explore(
         **dict.fromkeys(MOVED), "duration": 20, "view": "cycle", "units": "GHz",
     }  # fmt: skip
     sliders = contents.heaters_of(shown, rings[0], ring.thermal_shift)
-    start |= _heater_powers(sliders, heaters)
+    start |= _heater_powers(sliders, heaters, next(iter(named.values()), None))
     grid = None
     borders: list[Any] = []
     if family is None:
@@ -192,13 +193,14 @@ def _middle(family: Any) -> Any:
     return family.model(**dict(zip(family.names, middle, strict=True)))
 
 
-def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:
+def _heater_powers(sliders: list[dict[str, Any]], heaters: Mapping[str, Any] | None, model: Any) -> dict[str, float]:
     """Return the initial powers of the heaters in mW, with the keys "h0", "h1", ... of their sliders; default 0."""
     names = [slider["name"] for slider in sliders]
-    given = checks.mapping("heaters", powers)
-    for name in given:
+    drives = checks.mapping("heaters", heaters)
+    for name in drives:
         checks.choice("heaters", name, names)
-    return {f"h{k}": 1e3 * heater_power(name, given.get(name, 0.0)) for k, name in enumerate(names)}
+    powers = at_rest(model, drives).powers
+    return {f"h{k}": 1e3 * powers.get(name, 0.0) for k, name in enumerate(names)}
 
 
 def _step(heat: HeatProblem, parts: contents.Parts) -> dict[str, Any]:

@@ -183,6 +183,8 @@ def model_of(
         note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
     check_channel(model, heated, read)
     parts = getattr(model, "heated", model.inputs)
+    for name in heaters:
+        checks.choice("--heater", name, parts, hint="reduce --heated 'core, heater' makes a model that takes both")
     if len(parts) > 1 and heated is None and not list(heaters):
         first = shlex.quote(model.inputs[0])
         other = shlex.quote(f"{model.inputs[-1]}=5 mW")

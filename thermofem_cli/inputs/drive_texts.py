@@ -99,6 +99,8 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
     amount, word, rest = split_drive(text)
     first, _, second = rest.partition(" duty " if word == "square" else " at ")
     with reading(f"{option} = {text!r}", FORMS):
+        if word and not rest:
+            raise InputError(f"{option} = {text!r} ends before its time", FORMS)
         value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
         if not word:
             return float(value)

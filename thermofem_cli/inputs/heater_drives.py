@@ -5,7 +5,8 @@ import math
 from typing import Any
 
 import coupled
-from thermofem import InputError
+from coupled.resistive_heaters import LARGEST_DRIVE, LARGEST_POWER
+from thermofem import InputError, checks
 from thermofem.data import quantity
 
 from .drive_texts import assigned, split_drive, varying
@@ -13,25 +14,25 @@ from .drive_texts import assigned, split_drive, varying
 
 def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:
     """Return the drives of heaters by name, in W, V or A: numbers, or functions of time in a run of ``duration`` s."""
-    found = {}
+    drives = {}
     for name, text in _heater_texts(texts).items():
-        unit = _unit_of_drive(text)
-        drive = varying("--heater", text, unit, duration)
-        found[name] = DRIVES[unit](drive)
-    return found
+        unit = _checked_unit(name, text)
+        drive = varying(f"--heater {name}", text, unit, duration)
+        drives[name] = KINDS[unit](drive)
+    return drives
 
 
 def steady_heaters(texts: list[str] | None) -> dict[str, Any]:
     """Return the constant drives of heaters by name, in W, V or A."""
-    found = {}
-    for name, text in _heater_texts(texts).items():
-        unit = _unit_of_drive(text)
-        drive = quantity.not_negative(text, unit, name=f"--heater {name}")
-        found[name] = DRIVES[unit](drive)
-    return found
+    drives = heater_powers(texts)
+    for name, drive in drives.items():
+        if not isinstance(getattr(drive, "wave", drive), float):
+            raise InputError(f"--heater {name} varies in time, and this command takes constant drives")
+    return drives
 
 
-DRIVES: dict[str, Any] = {"W": lambda power: power, "V": coupled.Volts, "A": coupled.Amperes}
+KINDS: dict[str, Any] = {"W": lambda power: power, "V": coupled.Volts, "A": coupled.Amperes}
+LARGEST = {"W": LARGEST_POWER, "V": LARGEST_DRIVE, "A": LARGEST_DRIVE}
 
 
 def _heater_texts(texts: list[str] | None) -> dict[str, str]:
@@ -40,11 +41,15 @@ def _heater_texts(texts: list[str] | None) -> dict[str, str]:
     return assigned("--heater", named, "heater=5 mW")
 
 
-def _unit_of_drive(text: str) -> str:
-    """Return "V" or "A" where a text begins with a voltage or a current, else "W"."""
+def _checked_unit(name: str, text: str) -> str:
+    """Return "V" or "A" where a text begins with a voltage or a current, else "W"; InputError for a larger amount."""
     amount = split_drive(text)[0]
-    for unit in ("V", "A"):
+    unit = "W"
+    for other in ("V", "A"):
         with contextlib.suppress(InputError):
-            quantity.parse(amount, unit)
-            return unit
-    return "W"
+            quantity.parse(amount, other)
+            unit = other
+    value = quantity.parse(amount, unit, name=f"--heater {name}")
+    least = 0.0 if unit == "W" else -LARGEST[unit]
+    checks.between(f"--heater {name}", value, least, LARGEST[unit], unit=unit)
+    return unit

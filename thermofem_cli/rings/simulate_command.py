@@ -127,8 +127,8 @@ def cosimulate(
     """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
     import coupled
     import thermofem as th
+    from thermofem import InputError, checks
     from thermofem.data import quantity
-    from thermofem.errors import InputError
 
     from ..inputs.command_files import check_outputs, note_ring, ring_of, section_of
     from ..inputs.drive_texts import reading, times_of
@@ -151,6 +151,8 @@ def cosimulate(
     if paraview:
         th.fields.field_file(paraview, len(settings["field_times"]))
     section = section_of(geometry)
+    for name in settings["heaters"]:
+        checks.choice("--heater", name, section.heated)
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
     with time_bar(f"{heat.unknowns} temperatures in the loop", length) as progress:
