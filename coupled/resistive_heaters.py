@@ -20,8 +20,8 @@ from scipy.sparse import issparse
 
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array
-from thermofem.geometry.resistor import Resistor
 from thermofem.errors import Hint
+from thermofem.geometry.resistor import Resistor
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 

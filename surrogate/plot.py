@@ -213,7 +213,7 @@ def plot_layout(names: Sequence[str], outlines: Sequence[Any], gain: Array, ax: 
     others = np.where(apart, gain, 0.0)
     for j in np.flatnonzero(apart.any(axis=0)):
         i = int(others[:, j].argmax())
-        ends = middles[[j, i]].T
+        ends = middles[np.array([j, i])].T
         ax.plot(*ends, color=VERMILION, linewidth=0.8, alpha=0.6, zorder=0)
     ax.set(xlabel="x (µm)", ylabel="y (µm)", aspect="equal")
     ax.autoscale_view()

@@ -138,7 +138,7 @@ def explore(
             ring, geometry_of(model), *small.inputs, *small.outputs, mode=mode_of(model), chosen=read is not None
         )
     reductions = [k for k, model in enumerate(named.values()) if hasattr(model, "basis")]
-    judge = reductions[0] if reductions else None
+    judge: Any = reductions[0] if reductions else None
     resistance = abs(sum(shown[0]["R"])) if shown else contents.RESISTANCE
     rings = contents.rings_of(ring, resistance, compacts[0])
     window = rings[0]["window"]

@@ -175,7 +175,7 @@ def pulsing_map(
     trusted(model, columns["rise"])
     shown = ("regime", "period", "duty", "swing", "reason")
     variables = {name: (grid.names, columns[name], dataset.describe(name)) for name in shown}
-    return xr.Dataset(variables, grid.coordinates(), attrs | warm.doubts)
+    return xr.Dataset(variables, grid.coordinates(), {**attrs, **warm.doubts})
 
 
 def _settled(settled: bool | None, ring: RingResonator, *, traces: bool) -> bool:

@@ -96,9 +96,9 @@ def train_all(
         "SINDy": lambda: fit_sindy(*shells(heat, part, read, power)).model,
     }
     orders = range(3, 9)
-    makers |= {f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in orders}
-    makers |= {f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in orders}
-    makers |= {f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES}
+    makers |= {f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in orders}  # type: ignore[misc]
+    makers |= {f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in orders}  # type: ignore[misc]
+    makers |= {f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES}  # type: ignore[misc]
     reference: ThermalModel = exact
     error = fine.error_bound
     hot = 10 * power if hot is None else checks.between("hot", hot, 0, 10, unit="W")

@@ -134,7 +134,8 @@ class ArrayReduction(HasModel):
             "ports": list(self.model.inputs),
         }
         if self.outlines:
-            times = np.where(np.isnan(self.half_times), None, self.half_times)
+            times = self.half_times.astype(object)
+            times[np.isnan(self.half_times)] = None
             provenance |= {"outlines": self.outlines, "half_times": times.tolist()}
         return provenance
 

@@ -142,7 +142,7 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
     excess: list[float] = []
     for ratio in RATIOS:
         count = int(np.log(omega[-1] / begin) / np.log(ratio)) + 2
-        rate = slowest + begin * ratio ** np.arange(count)
+        rate = np.asarray(slowest + begin * ratio ** np.arange(count), dtype=float)
         poles = _fit(H, omega, rate, reference)
         fits.append(poles)
         excess.append(float((poles.error / allowed).max()))

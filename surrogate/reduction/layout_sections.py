@@ -112,16 +112,18 @@ class Layout:
             r, G = self.stack.over_distance(s, heated, read)
             rough, G0 = self.stack.over_distance(s[:1], heated, read, DISTANCES // 2)
             for i, j in pairs:
-                shapes = self.shapes[i], self.shapes[j]
+                first = self.shapes[i]
+                second = self.shapes[j]
                 gap = self.apart[i, j]
                 pitch = gap / PER_GAP if gap else None
-                mean = G @ distances(*(points_of(shape, pitch) for shape in shapes), r)
-                coarse = G0 @ distances(*(points_of(shape, pitch, fewer=True) for shape in shapes), rough)
+                mean = G @ distances(points_of(first, pitch), points_of(second, pitch), r)
+                fewer = points_of(first, pitch, fewer=True), points_of(second, pitch, fewer=True)
+                coarse = G0 @ distances(*fewer, rough)
                 H[:, i, j] = mean
                 # a third: of a rule of second order, as on open lines, half of the points err by four times as much
                 error[i, j] = abs(coarse[0] - mean[0]) / 3
                 if (i, j) in lines:
-                    share = self.along[i, j] / (shapes[0].length * shapes[1].length)
+                    share = self.along[i, j] / (first.length * second.length)
                     H[:, i, j] += share * lines[i, j]
                     local = self.locals[i, j]
                     (static,) = np.abs(local.impedance(omega[:1]))
@@ -155,11 +157,11 @@ class Layout:
     def _kinds(self) -> list[tuple[list[tuple[int, int]], Spread, Spread]]:
         """Pairs of shapes with equal spreads; of shapes apart only the heights count, and one lane serves all."""
         groups: dict[Any, list[tuple[int, int]]] = {}
-        spreads: dict[Any, list[Spread]] = {}
+        spreads: dict[Any, tuple[Spread, Spread]] = {}
         for i, j in combinations_with_replacement(range(len(self.shapes)), 2):
-            both = [self.spreads[i], self.spreads[j]]
+            both = self.spreads[i], self.spreads[j]
             if self.along[i, j] == 0.0 and self.apart[i, j] > 0.0:
-                both = [replace(spread, sigma=LANE_SIGMA) for spread in both]
+                both = replace(both[0], sigma=LANE_SIGMA), replace(both[1], sigma=LANE_SIGMA)
             kind = tuple(sorted((*spread.z, spread.sigma) for spread in both))
             groups.setdefault(kind, []).append((i, j))
             spreads[kind] = both

@@ -166,7 +166,7 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
             total = sampled(d.basis, *points)
             foreign[name] = total / total.sum()
     if foreign:
-        heat = replace(heat, discretization=replace(d, means=d.means | foreign))
+        heat = replace(heat, discretization=replace(d, means={**d.means, **foreign}))
     return heat, names
 
 

@@ -100,7 +100,7 @@ class Stack:
         rate = np.geomspace(low, high, int(np.log(high / low) / RATE_STEP))
         middle = self.edges[:1] / 2 + self.edges[-1:] / 2
         spread = Spread(middle, np.ones(1), np.zeros(1), 0.0)
-        g = self.green(np.array([1e-3]), -rate + 0j, spread, spread)
+        g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)
         negative = g[:, 0].real < 0
         first = int(negative.argmax())
         return float(rate[max(first - 1, 0)])
@@ -142,8 +142,8 @@ class Stack:
             for other, weight in zip(z_read, read.weight, strict=True):
                 low, high = np.searchsorted(cuts, sorted((z, other)))
                 rise = share * weight / (upwards[low] + downwards[low])
-                for piece in range(low, high):
-                    rise = rise * ratio[piece]
+                for factor in ratio[low:high]:
+                    rise = rise * factor
                 total += rise
         return total
 
@@ -179,7 +179,7 @@ class Stack:
         sigma = np.hypot(heated.sigma, read.sigma)
         highest = TAIL_OF_GAUSS / sigma * np.sqrt(2)
         count = int(np.ceil(highest * 2 * half_width / np.pi))
-        k = np.pi * np.arange(count + 1) / (2 * half_width)
+        k = np.asarray(np.pi * np.arange(count + 1) / (2 * half_width), dtype=float)
         k[0] = k[1] * 1e-6  # the mean over the section; 0 itself would divide 0 by 0 at rest
         shares = np.full(k.size, 1 / half_width)
         shares[0] /= 2

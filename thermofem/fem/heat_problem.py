@@ -252,8 +252,8 @@ class HeatProblem:
         if AMBIENT in linear.inputs:
             raise checks.InputError("heated = 'ambient' needs a linear model: heat.channels, or constant k and c_p")
         free = self.discretization.free
-        flow, content = [replace(operator, matrix=operator.matrix[free]) for operator in self._everywhere]
-        return NonlinearSystem(linear, flow, content)
+        operators = [replace(operator, matrix=operator.matrix[free]) for operator in self._everywhere]
+        return NonlinearSystem(linear, *operators)
 
     def modal(self, heated: str) -> Modal:
         """Closed-form solver of transients with ``heated`` carrying the power, at small power; kept for further runs.

@@ -338,7 +338,10 @@ class Surroundings:
 
     def reaches(self, n_eff: float, tail: float) -> tuple[float, float, float, float]:
         """`reach` on the `SIDES`."""
-        left, right, bottom, top = [self.reach(side, n_eff, tail) for side in SIDES]
+        left = self.reach("left", n_eff, tail)
+        right = self.reach("right", n_eff, tail)
+        bottom = self.reach("bottom", n_eff, tail)
+        top = self.reach("top", n_eff, tail)
         return left, right, bottom, top
 
     @cached_property

@@ -40,7 +40,7 @@ def models_of_geometry(
 
     wanted: the temperature that the ring reads, "core" or "light".
     """
-    from coupled.explore.contents import HEATERS
+    from coupled.explore.contents import MOST_HEATERS
     from surrogate.judging.ladder import fit_usual
 
     section = section_of(path)
@@ -48,10 +48,11 @@ def models_of_geometry(
         heat = th.assemble(section, accuracy)
         ring = checks.choice("--heated", heated or heat.heated[0], heat.heated)
         others = [name for name in heat.heated if name != ring]
-        if len(others) > HEATERS:
-            note(f"of the heated parts, {', '.join(others[HEATERS:])} get no slider: the page has room for {HEATERS}")
+        if len(others) > MOST_HEATERS:
+            hidden = ", ".join(others[MOST_HEATERS:])
+            note(f"of the heated parts, {hidden} get no slider: the page has room for {MOST_HEATERS}")
         read = detuning_output(wanted, ring, heat.system.outputs)
-        rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), read), tolerance=1e-4)
+        rom = surrogate.reduce(heat.channels((ring, *others[:MOST_HEATERS]), read), tolerance=1e-4)
         whole: Any = rom.model
         exact: Any = whole.channel(ring, read).dynamics if others else whole
         models = {f"certified reduction, {rom.order} poles": rom, **fit_usual(exact)}
