@@ -113,16 +113,16 @@ def certify(
     solutions: Sequence[Array],
     *,
     pairs: tuple[Indices, Indices],
-    per_decade: int = PER_DECADE,
+    per_decade: int | None = None,
 ) -> Certificate:
     """Bound the error of a projection.
 
     shifts [1/s]: any of those at which the space was built, but 0.
     solutions [shape (n, q)]: (K + s_j M)^-1 Q for each of ``shifts``; fewer shifts give a looser bound.
     pairs [two arrays of int, shape (c,)]: the two ports of each channel.
-    per_decade: samples.
+    per_decade: samples; default `PER_DECADE`.
     """
-    omega = _frequencies(projection, shifts, per_decade)
+    omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
     bounds = _bounds(omega, shifts, grams, phi, pairs)
