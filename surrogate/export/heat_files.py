@@ -33,18 +33,20 @@ def write_spice(model: Any, target: Target) -> Path:
     name = identifiers([target.path.stem], taken=spice_heat.WORDS)[0]
     network = rc_network(model, taken=spice_heat.WORDS)
     pins = " ".join(network.pins) if len(network.pins) <= 8 else "PINS"
-    lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *target.header]
+    use = f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient"
     body = spice_heat.heat_subcircuit(name, network)
+    about = [*USAGE, use]
     poles = Foster(network.R, network.R * network.C)
     if network.shares is None and poles.passive:
-        lines[2:2] = spice_heat.NOISE
         try:
             steps = cauer(poles)
             body += ["", *spice_heat.ladder(f"{name}_cauer", network.pins[0], steps.R, steps.C, foster=False)]
-            lines.insert(5, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+            ladder = f"{name}_cauer the same impedance as a Cauer ladder"
         except InputError as error:
-            lines.insert(5, f"{name} is a Foster network, without a Cauer ladder: {error}")
-    return write_texts(target.path, comment(lines, "*") + "\n" + "\n".join(body) + "\n", "", "")
+            ladder = f"without a Cauer ladder: {error}"
+        about = [*USAGE, *spice_heat.NOISE, use, f"{name} is a Foster network, {ladder}"]
+    header = comment([*about, "", *target.header], "*")
+    return write_texts(target.path, header + "\n" + "\n".join(body) + "\n", "", "")
 
 
 def write_verilog_a(model: Any, target: Target) -> Path:

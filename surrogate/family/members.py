@@ -319,19 +319,20 @@ class Solver:
         *,
         words: str = "members",
     ) -> list[Any]:
-        """Run ``function`` on every task; results in order, None for a task that failed, which a line in the log names.
+        """Run ``function`` on the arguments of every task but those whose result the store has.
 
-        ``marks`` tell the tasks apart, ``shared`` says what they have in common beside `key`, and ``words`` what is
-        solved, for the progress.
-
+        marks: an array for each task, such as the parameters of its member, that tells it from the others.
+        shared: what the tasks have in common beside `key`.
+        words: what is solved, for the progress.
+        Returns: results in the order of the tasks, None for a task that failed, which a line in the log names.
         Raises InputError: one that a task raised, or all tasks failed.
         """
-        content = f"{self.key} {function.__name__} {shared}".encode()
-        keys = [digest(content + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
-        stored = [self.store.read(key) if self.store else None for key in keys]
-        solved = [None if raw is None else _member(raw) for raw in stored]
-        reason = ""
+        common = f"{self.key} {function.__name__} {shared}".encode()
+        keys = [digest(common + np.ascontiguousarray(mark).tobytes())[:24] for mark in marks]
+        archives = [self.store.read(key) if self.store else None for key in keys]
+        solved = [None if archive is None else _member(archive) for archive in archives]
         jobs = [(k, tasks[k]) for k, member in enumerate(solved) if member is None]
+        reason = ""
         work = partial(_of_job, function)
         with contextlib.closing(self._results(work, jobs)) as results:
             for done, (k, result) in enumerate(results):

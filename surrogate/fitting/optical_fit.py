@@ -26,6 +26,7 @@ from .fit_result import UNSEEN, Fit, lowers_only_noise, pole_parameters
 from .pole_projection import by_trace, correlations, covariance, deviations, late_responses, rms
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
+SPANS = ((0.02, 0.3), (0.002, 0.1))  # fastest and slowest time constant of the starts over the length of the data
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
 MOST_POLES = 5  # of an order that is found
 LEAST_LIGHT_MISFIT = 1e-6  # of the swing: a misfit that more poles do not lower
@@ -153,23 +154,26 @@ def _light(data: xr.Dataset) -> xr.Dataset:
 
 
 def _search(problem: Optical, order: int) -> Array:
-    """ln R_i, ln tau_i and u of every start, of the smallest misfit from all starts; shape (2 order + starts,)."""
+    """Unknowns of the smallest misfit, shape (2 order + starts,): ln R_i, ln tau_i, and u of the start of every trace.
+
+    A search begins from each of `PHASES`, with equal R_i that turn the phase by so much, and from each of `SPANS`.
+    """
     steps = [np.diff(np.unique(response.times)).min() for response in problem.responses]
     longest = max(np.ptp(response.times) for response in problem.responses)
-    starts = problem.ranges.size
-    late = np.full(starts, LIKELY)
+    traces = problem.ranges.size
+    late = np.full(traces, LIKELY)
     ends = []
-    for phase, (low, high) in itertools.product(PHASES, ((0.02, 0.3), (0.002, 0.1))):
-        slow = high * longest
-        fast = max(low * longest, *steps) if order > 1 else slow
-        log_tau = np.log(np.geomspace(fast, slow, order))
-        start = np.concatenate([np.ones(order), log_tau, late])
-        largest = np.ptp(problem.phases(start))
-        start[:order] += np.log(phase / largest)
-        logs = start[: 2 * order]
-        least = np.append(logs - BOUND, np.zeros(starts))
-        most = np.append(logs + BOUND, np.ones(starts))
-        ends.append(least_squares(problem.misfit, start, bounds=(least, most), max_nfev=60 * order))
+    for phase, span in itertools.product(PHASES, SPANS):
+        fastest, slowest = longest * np.array(span)
+        fastest = max(fastest, min(steps)) if order > 1 else slowest
+        log_tau = np.log(np.geomspace(fastest, slowest, order))
+        guess = np.concatenate([np.ones(order), log_tau, late])
+        turned = np.ptp(problem.phases(guess))
+        guess[:order] += np.log(phase / turned)
+        logs = guess[: 2 * order]
+        least = np.append(logs - BOUND, np.zeros(traces))
+        most = np.append(logs + BOUND, np.ones(traces))
+        ends.append(least_squares(problem.misfit, guess, bounds=(least, most), max_nfev=60 * order))
     best = min(ends, key=lambda end: float(end.cost))
     return np.asarray(best.x)
 

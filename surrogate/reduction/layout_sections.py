@@ -169,21 +169,25 @@ class Layout:
 
 
 def _length_along(first: Shape, second: Shape) -> float:
-    """Length in m of the part of one shape that runs along another one as their parts do in the section."""
+    """Length in m over which two shapes run along each other as their parts do in the section; 0 of other shapes.
+
+    There the centre line of the first lies as deep inside the outline of the second as in the section:
+    depth = width/2 - distance of both centres.
+    """
     if first.section != second.section or first.part == second.part:
         return 0.0
     if first.line is None:
         first, second = second, first
     if first.line is None:
         return 0.0
-    offset = abs(float(first.drawn.x or 0.0) - float(second.drawn.x or 0.0))
-    middle = centre_points(first, 400) * UM
-    away = shapely.distance(shapely.points(middle), second.polygon.boundary) / UM
-    inside = shapely.contains_xy(second.polygon, *middle.T)
-    depth = np.where(inside, away, -away)
-    difference = np.abs(depth - (second.width / 2 - offset))
-    hits = difference < MATCH * second.width
-    return float(hits.mean() * first.length)
+    between = abs(float(first.drawn.x or 0.0) - float(second.drawn.x or 0.0))
+    points = centre_points(first, 400) * UM
+    to_edge = shapely.distance(shapely.points(points), second.polygon.boundary) / UM
+    inside = shapely.contains_xy(second.polygon, *points.T)
+    depth = np.where(inside, to_edge, -to_edge)
+    in_section = second.width / 2 - between
+    alike = np.abs(depth - in_section) < MATCH * second.width
+    return float(alike.mean() * first.length)
 
 
 def _check_places(shapes: Sequence[Shape], along: Array, apart: Array) -> None:

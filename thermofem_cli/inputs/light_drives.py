@@ -87,15 +87,15 @@ def light(
 def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[coupled.Laser]:
     """Return the further lasers of --laser, of constant or varying power in a run of ``duration`` in s."""
     form = "POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or '1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
-    found = []
+    further = []
     for text in texts or []:
-        light, _, offset = text.partition(" on ")
+        drive, _, offset = text.partition(" on ")
         with reading(f"--laser {text!r}", form):
-            first, second = PAIR.sub(r"\1,\2", light.strip()).rsplit(",", 1)
-        at = replace(ring, frequency=ring.frequency + detuning_of(offset.strip(), ring, "--laser")) if offset else None
-        found.append(
-            coupled.Laser(
-                varying("--laser", first.strip(), "W", duration), detuning_of(second.strip(), at or ring, "--laser"), at
-            )
-        )
-    return found
+            power, detuning = PAIR.sub(r"\1,\2", drive.strip()).rsplit(",", 1)
+        mode = None  # of the ring at an offset, such as a free spectral range, that this laser excites
+        if offset:
+            mode = replace(ring, frequency=ring.frequency + detuning_of(offset.strip(), ring, "--laser"))
+        watts = varying("--laser", power.strip(), "W", duration)
+        hertz = detuning_of(detuning.strip(), mode or ring, "--laser")
+        further.append(coupled.Laser(watts, hertz, mode))
+    return further
