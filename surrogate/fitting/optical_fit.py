@@ -160,8 +160,8 @@ def _search(problem: Optical, order: int) -> Array:
     """
     steps = [np.diff(np.unique(response.times)).min() for response in problem.responses]
     longest = max(np.ptp(response.times) for response in problem.responses)
-    traces = problem.ranges.size
-    late = np.full(traces, LIKELY)
+    starts = problem.ranges.size
+    late = np.full(starts, LIKELY)
     ends = []
     for phase, span in itertools.product(PHASES, SPANS):
         fastest, slowest = longest * np.array(span)
@@ -171,8 +171,8 @@ def _search(problem: Optical, order: int) -> Array:
         turned = np.ptp(problem.phases(guess))
         guess[:order] += np.log(phase / turned)
         logs = guess[: 2 * order]
-        least = np.append(logs - BOUND, np.zeros(traces))
-        most = np.append(logs + BOUND, np.ones(traces))
+        least = np.append(logs - BOUND, np.zeros(starts))
+        most = np.append(logs + BOUND, np.ones(starts))
         ends.append(least_squares(problem.misfit, guess, bounds=(least, most), max_nfev=60 * order))
     best = min(ends, key=lambda end: float(end.cost))
     return np.asarray(best.x)
