@@ -12,7 +12,6 @@ from .console import say, working, wrote
 if TYPE_CHECKING:
     import xarray as xr
 
-POINTS = 181
 PRINTED = (1e3, 1e5, 1e7)  # Hz
 
 
@@ -45,7 +44,8 @@ def noise(
     kelvin = None if temperature is None else quantity.parse(temperature, "K", name="--temperature")
     with reading(f"--frequency = {frequency!r}", f"{RANGE} '100 Hz, 100 MHz'"):
         low, high = sorted(quantity.positive(part.strip(), "Hz", name="--frequency") for part in frequency.split(","))
-    shown = np.geomspace(low, high, POINTS)
+    # 181: frequencies of the plot
+    shown = np.geomspace(low, high, 181)
     with working("meshing, and solving for the mode"):
         heat = th.assemble(section, accuracy)
         found = th.light(heat, wavelength=wavelength_of(section, wavelength)).mode(mode)

@@ -33,7 +33,6 @@ log = logging.getLogger("thermofem")
 
 Channel = Foster | OutputMap
 
-FAINT = 1e-12  # of R_th: poles with less are left out
 DIFFERENCE_STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
 FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wrong up to 7 times (measured)
 
@@ -373,7 +372,8 @@ class Family:
     def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
         R = modes.R(a, b)
         size = np.abs(R)
-        strong = size > FAINT * size.sum()
+        # 1e-12: of R_th: poles with less are left out
+        strong = size > 1e-12 * size.sum()
         used = strong & (modes.tau > 0)
         heated = self.ports[a]
         read = self.ports[b]

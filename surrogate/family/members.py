@@ -140,9 +140,7 @@ def _hash(arrays: Mapping[str, Any]) -> str:
     return digest_tree(content)
 
 
-FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the family
 FINEST_MESH = 2e-5  # accuracy of the finest mesh made
-REDUCTION = 1e-2  # tolerance of the reduction over that of the family
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,8 @@ class Certified:
 
 def fine_heat(geometry: CrossSection, tolerance: float) -> HeatProblem:
     """The heat problem of a member on its own mesh, finer than ``tolerance``; without "light" where it guides none."""
-    heat, _ = meshed(geometry, max(FINER * tolerance, FINEST_MESH))
+    # 0.2: accuracy of the member's own mesh over the tolerance of the family
+    heat, _ = meshed(geometry, max(0.2 * tolerance, FINEST_MESH))
     try:
         return heat.lit
     except checks.InputError as error:
@@ -191,7 +190,8 @@ def certified_modes(heat: HeatProblem, ports: tuple[str, ...], tolerance: float)
     names = tuple(name for name in ports if name in d.means or name != LIGHT)
     means = np.array([d.means[name][d.free] for name in names])
     system = StateSpace(E=d.E, A=-d.K, B=means.T, C=means, inputs=names, outputs=names)
-    projected = project(system, max(REDUCTION * tolerance, 1e-7))
+    # 1e-2: tolerance of the reduction over that of the family
+    projected = project(system, max(1e-2 * tolerance, 1e-7))
     rate = projected.projection.rate
     drives = projected.projection.ports.T
     return MemberModes(1 / rate, drives / np.sqrt(rate)), projected
@@ -222,7 +222,6 @@ def certified(
     )
 
 
-SHIFTS_PER_DECADE = 4  # shifts
 FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
 
 
@@ -246,7 +245,7 @@ def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: floa
     rate = projected.projection.rate  # (k,)
     slow = min(rate[0], FASTEST / 10)
     decades = np.log10(FASTEST / slow)
-    shifts = np.geomspace(slow, FASTEST, int(SHIFTS_PER_DECADE * decades))
+    shifts = np.geomspace(slow, FASTEST, int(4 * decades))  # four a decade
     weights = []
     for port in projected.projection.ports.T:
         for shift in (0.0, *shifts, *(1j * shifts)):

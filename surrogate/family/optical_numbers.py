@@ -36,11 +36,7 @@ from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
-MOST_TERMS = 40  # of a polynomial
-PER_TERM = 2  # members solved for each term, beside corners of the box
 LEFT_OUT = 8  # members that give the errors
-FIRST_REASONS = 3  # why members are left out: as many are named
-ACCURACY = 1e-3  # of the meshes of the heat, on which modes are within 2e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,8 +272,10 @@ def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solv
     Raises InputError: more than a quarter of the members are no rings; the message says why.
     """
     box = engine.box
-    powers = total_degree(box.size, MOST_TERMS)
-    rows = np.vstack([box.middle, box.corners(16), box.draw(PER_TERM * len(powers), seed)])
+    # 40: terms of a polynomial, at most
+    powers = total_degree(box.size, 40)
+    # 2: members solved for each term, beside corners of the box
+    rows = np.vstack([box.middle, box.corners(16), box.draw(2 * len(powers), seed)])
     every = np.vstack([rows, box.draw(LEFT_OUT, seed, unseen=True)])
     tasks = [(engine, row) for row in every]
     results = solver(light_of, tasks, every, words="light of members")
@@ -312,7 +310,8 @@ def _check_left_out(results: list[Any]) -> None:
     missing = sum(not isinstance(result, MemberLight) for result in results)  # None of one that failed
     if not missing:
         return
-    words = "; ".join(f"{many} said: {reason}" for reason, many in reasons.most_common(FIRST_REASONS))
+    # 3: reasons that are named
+    words = "; ".join(f"{many} said: {reason}" for reason, many in reasons.most_common(3))
     text = f"{missing} of {len(results)} members are no rings"
     if missing > len(results) / 4:
         raise checks.InputError(f"{text}; {words}")
@@ -323,7 +322,8 @@ def light_of(engine: AffineEngine | MovedMeshEngine, row: Array) -> MemberLight 
     """The light of the member with parameters ``row``, shape (p,), or a text that says why it has none."""
     try:
         geometry = engine.box.geometry(row)
-        heat = assemble_like(engine.box.base.to_toml(), geometry, ACCURACY)
+        # 1e-3: of the mesh of the heat, on which modes are within 2e-4
+        heat = assemble_like(engine.box.base.to_toml(), geometry, 1e-3)
         mode = Light.of(heat).mode()
         by_name = numbers(mode)
         guide: Any = geometry.light  # which `Light.of` found

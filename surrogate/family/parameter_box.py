@@ -17,8 +17,6 @@ from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_laws import PowerLaw
 
-APART = 7919  # added to a seed, so that two draws have no point in common
-
 
 @dataclass(frozen=True, eq=False)
 class Box:
@@ -134,7 +132,8 @@ class Box:
 
     def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
         """Random parameters by a scrambled Sobol sequence, shape (count, p); ``unseen``: not those of the same seed."""
-        seed += APART * unseen
+        # 7919: added to the seed, so that two draws have no point in common
+        seed += 7919 * unseen
         sobol = qmc.Sobol(self.size, seed=np.random.default_rng(seed))
         bits = int(np.ceil(np.log2(count)))
         shares = sobol.random_base2(bits)

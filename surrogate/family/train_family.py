@@ -53,7 +53,6 @@ WEAKEST = 0.01
 WEAKEST_IN_THE_END = 0.5, 0.1, WEAKEST
 BATCH = 6
 MOST_BATCHES = 60
-CORNERS = 16  # of the box, where tables of k(T) and c_p(T) may be left
 
 Engine = AffineEngine | MovedMeshEngine | LitEngine
 Members = AffineMembers | MovedMeshMembers | LitMembers
@@ -245,7 +244,8 @@ def train_family(
 def _beyond_laws(family: Family) -> str:
     """Warning of tables k(T), c_p(T) that a corner leaves, up to the power of the output maps; "" of none."""
     box = family.box
-    for row in (box.middle, *box.corners(CORNERS)):
+    # 16: corners of the box, where tables of k(T) and c_p(T) may be left
+    for row in (box.middle, *box.corners(16)):
         rise = 0.0
         if family.output_maps is not None:
             hot: Any = family.of_member(row)

@@ -24,10 +24,6 @@ from .fit import Fit, Training
 from .fit_result import cancelling, check_explained, pole_parameters, unseen_times
 from .pole_projection import covariance, deviations, rms
 
-TAU_GRID = 12  # time constants on a grid, any of which are tried together
-BEST = 3  # combinations of them that begin a search
-FASTER = 10.0  # the closest samples over this are the shortest time constant
-SLOWER = 100.0  # the span times this is the longest time constant
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
@@ -88,10 +84,13 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     checks.between("the last over the largest rise", abs(y[-1]), 0, 0.99, hint="a cooling curve falls")
     # 100.0: largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
     from_first = abs(t[0]) / 100.0
-    closest = np.diff(t).min() / FASTER
+    # 10.0: the closest samples over this are the shortest time constant
+    closest = np.diff(t).min() / 10.0
     low = np.log(max(closest, from_first, np.finfo(float).tiny))
-    high = np.log(SLOWER * span)
-    grid = np.linspace(low, high, TAU_GRID + 2)[1:-1]
+    # 100.0: the span times this is the longest time constant
+    high = np.log(100.0 * span)
+    # 12: time constants on a grid, any of which are tried together
+    grid = np.linspace(low, high, 12 + 2)[1:-1]
     stride = max(1, t.size // 200)  # 200 samples by which the starts are compared
 
     def square(log_tau: Sequence[float]) -> float:
@@ -104,7 +103,8 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
 
     starts = sorted(combinations(grid, order), key=square)
     exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
-    ends = [least_squares(misfit, start, **exactly) for start in starts[:BEST]]
+    # 3: combinations of them that begin a search
+    ends = [least_squares(misfit, start, **exactly) for start in starts[:3]]
     best = min(ends, key=lambda end: float(end.cost))
     log_tau = np.sort(best.x)
     amplitude, residuals = _amplitudes(t, y, log_tau)
@@ -140,8 +140,6 @@ def _notes(t: Array, tau: Array, amplitude: Array, residuals: Array, size: float
 
 
 GRID_MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
-SLOW = 3.0  # time constant over the length of the data from which a pole counts as beyond them
-BEYOND = 0.1  # share of the resistance in such poles that is worth a note
 
 
 def fit_spectrum(
@@ -207,9 +205,11 @@ def fit_spectrum(
 
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
     """A sentence where much of the thermal resistance lies in poles that data of length ``longest`` s cannot show."""
-    slow = SLOW * longest
+    # 3.0: time constant over the length of the data from which a pole counts as beyond them
+    slow = 3.0 * longest
     share = R[tau > slow].sum() / R.sum()
-    if share <= BEYOND:
+    # 0.1: share of the resistance in such poles that is worth a note
+    if share <= 0.1:
         return []
     return [
         f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(slow, 's')}, "

@@ -92,9 +92,6 @@ class Fit(HasModel):
         }
 
 
-FEW = 3  # rows at rest that show a baseline
-
-EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 KNOWN = np.log(10)  # standard deviation of ln(tau) above which its standard error is not stated
 OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over it, from which it is an extrapolation
 UNSEEN = np.log(2)  # standard deviation of ln(tau) above which the data do not determine it: a factor of two
@@ -129,7 +126,8 @@ def check_explained(misfit: float, deviation: float, by: str, of: str) -> None:
     """Raise InputError if the rms ``misfit`` is most of the standard deviation of the data."""
     left = misfit**2 / deviation**2 if deviation else 0.0  # share of the variance
     explained = max(1 - left, 0)
-    if explained < EXPLAINED:
+    # 0.2: share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
+    if explained < 0.2:
         raise checks.InputError(
             f"{by} explains {explained:.0%} of the variation of {of}: it is noise, or they are not of one run"
         )
@@ -162,7 +160,8 @@ def offsets(optimum: Optimum, responses: Sequence[Response]) -> list[str]:
     """Sentences on baselines that were fitted with the poles, because no rows at rest show them."""
     notes = []
     for offset, error, response in zip(optimum.offset, optimum.offset_error, responses, strict=True):
-        if response.rest_rows < FEW:
+        # 3: rows at rest that show a baseline
+        if response.rest_rows < 3:
             size = f"{offset:.3g} +- {error:.2g} K"
             notes.append(f"the offset of the rows is fitted with the poles: {size} beside what was subtracted")
     return notes

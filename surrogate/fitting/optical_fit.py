@@ -28,10 +28,7 @@ from .pole_projection import by_trace, correlations, covariance, deviations, lat
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 SPANS = ((0.02, 0.3), (0.002, 0.1))  # fastest and slowest time constant of the starts over the length of the data
 UNCERTAIN = 0.1  # standard error of ln R, ln tau, V or phi_0 in rad from which a note says so
-MOST_POLES = 5  # of an order that is found
-LEAST_LIGHT_MISFIT = 1e-6  # of the swing: a misfit that more poles do not lower
 LIKELY = 0.9  # of the range of a start, at which its search begins: the light departs soon after
-EDGE = 1e-3  # of the range of a start, from its ends on which it counts as held there
 BOUND = 12.0  # of the natural logarithms from their start: five decades either way
 
 
@@ -127,10 +124,12 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, read
 
 def _smallest(problem: Optical) -> tuple[int, Array]:
     """The smallest number of poles that leaves only noise, and its unknowns, as `fit._smallest_order` has it."""
-    least = LEAST_LIGHT_MISFIT * float(np.ptp(problem.target))
+    # 1e-6: of the swing: a misfit that more poles do not lower
+    least = 1e-6 * float(np.ptp(problem.target))
     before = np.inf
     unknowns = np.empty(0)
-    for order in range(1, MOST_POLES + 1):
+    # 5: poles at most
+    for order in range(1, 6):
         further = _search(problem, order)
         _, residuals = problem.linear(further)
         misfit = max(rms(residuals), least)
@@ -218,7 +217,8 @@ def _start_notes(shares: Array, late: Array, errors: Array) -> list[str]:
         size = quantity.rounded(float(shift), "s")
         error = quantity.rounded(float(error), "s", 2)
         notes.append(f"the start is fitted with the poles: {size} +- {error} after the earliest that the light allows")
-        if share > 1 - EDGE:
+        # 1e-3: of the range of a start, from its end on which it counts as held there
+        if share > 1 - 1e-3:
             notes.append("the start is at the end of its range, and may be later: say it with --start")
     return notes
 

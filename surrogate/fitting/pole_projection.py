@@ -52,7 +52,8 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0  # as of the rate of a pole without gain
     U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
-    size = np.maximum(size, CUT * size[0])
+    # 3e-8: of the largest singular value, below which a direction counts as not there: square root of round-off
+    size = np.maximum(size, 3e-8 * size[0])
     back = Vt.T / size / scale[:, None]
     noise = noise_along(residuals, U, variance, rest=rest)
     return np.asarray(back @ noise @ back.T)
@@ -143,9 +144,6 @@ def _lags(residuals: Array, part: Array) -> Array:
 
 
 RATE_STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
-CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
-AT_END = 0.999  # of the range of a shift, from which on it counts as held there
-ROUND_OFF_MISFIT = 1e-9  # of the swing: a misfit below counts as noise
 SIGMAS = 3.0  # of the noise: a misfit below counts as noise
 
 
@@ -434,7 +432,8 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     traces = by_trace(misfit, problem.responses)
     derivatives = _row_derivatives(problem, end, phi, gain)
     by_rate, by_shift = np.split(derivatives, [n], axis=1)
-    inside = np.abs(end[n:]) < AT_END
+    # 0.999: of the range of a shift, from which on it counts as held there
+    inside = np.abs(end[n:]) < 0.999
     jacobian = np.hstack([by_rate, phi, by_shift[:, inside]])
     unknowns = jacobian.shape[1] - (R_th is not None)
     freedom = max(misfit.size - unknowns, 1)
@@ -494,7 +493,8 @@ def is_noise(response: Response, residuals: Array) -> bool:
     """
     n = residuals.size
     square = float(residuals @ residuals)
-    round_off = ROUND_OFF_MISFIT * response.swing
+    # 1e-9: of the swing: a misfit below counts as noise
+    round_off = 1e-9 * response.swing
     if square <= n * round_off**2:
         return True
     if np.isfinite(response.rest_noise):

@@ -31,7 +31,6 @@ from thermofem.waveforms import Waveform
 from .pole_projection import rms
 
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
-UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +162,8 @@ def _regression(probed: Probed, gains: Array, window: float | None) -> tuple[Arr
     most = float(probed.times[-1]) / 3
     half = checks.between("window", half, least, most, unit="s", hint="from one sample to a third of the data")
     power = float(probed.rise[:, 0].max()) / gains[0]
-    time = UNIT * step  # W, s
+    # 50.0: time unit in samples: 100 ns at 2 ns
+    time = 50.0 * step  # W, s
     rise = gains * power  # K, of each probe
     # of each row of [A, b]: it sums to zero, as unit power leads to unit rises; power enters the core only
     at_rest = np.ones((1, n + 1))

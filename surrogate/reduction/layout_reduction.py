@@ -46,9 +46,6 @@ from .ring_pairs import FLOOR, check_stack
 RATIOS = (3.2, 2.7, 2.3, 2.0, 1.7, 1.5)  # rho of the poles, tried in turn
 ABOVE = 0.03  # mu over the slowest rate
 STIFF = 30.0  # weight of the static gain in the fit
-CHANGES = 100  # of the set of positive residues, per pole: close poles take more than the 3 that SciPy allows
-RIDGE = 1e-4  # weight of the residues themselves: neighbouring ones that cancel would cost passivity
-LACK = 1.001  # times a negative eigenvalue, which round-off may not leave below 0
 OWN, CROSS = 0.1, 0.5  # of the tolerance, for the poles; own rises are small at high frequencies, where they matter
 
 
@@ -165,12 +162,14 @@ def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     rows = np.vstack([target.real, target.imag, STIFF * static])
     responses = 1 / (1 + 1j * omega[:, None] / rate)
     columns = np.vstack([responses.real, responses.imag, np.full(rate.size, STIFF)])
-    ridge = np.vstack([columns, RIDGE * np.eye(rate.size)])
+    # 1e-4: weight of the residues themselves: neighbouring ones that cancel would cost passivity
+    ridge = np.vstack([columns, 1e-4 * np.eye(rate.size)])
     nothing = np.zeros((rate.size, scale.size))
     aims = np.vstack([rows, nothing])
     share, *_ = np.linalg.lstsq(ridge, aims, rcond=None)
     for k in np.flatnonzero(upper[0] == upper[1]):
-        share[:, k], _ = nnls(columns, rows[:, k], maxiter=CHANGES * rate.size)
+        # 100: changes of the set of positive residues, per pole: close poles take more than the 3 that SciPy allows
+        share[:, k], _ = nnls(columns, rows[:, k], maxiter=100 * rate.size)
     share *= static / share.sum(axis=0)
     residue = _passive(_square(share * scale, upper))
     off = np.tensordot(responses, residue, 1) - H
@@ -186,7 +185,8 @@ def _passive(residue: Array) -> Array:
     """
     sums = np.cumsum(residue[::-1], axis=0)
     least = np.linalg.eigvalsh(sums)[:, 0]
-    lack = np.maximum.accumulate(np.maximum(0.0, -LACK * least))
+    # 1.001: times a negative eigenvalue, which round-off may not leave below 0
+    lack = np.maximum.accumulate(np.maximum(0.0, -1.001 * least))
     more = np.diff(lack, prepend=0.0)[::-1]
     own = np.arange(residue.shape[1])
     largest = residue[:, own, own].argmax(axis=0)

@@ -22,14 +22,9 @@ from .reduce import reduce
 from .shape_points import LANE, PER_GAP, Spread, centre_points, distances, points_of
 from .stack_green import DISTANCES, HELD, Stack
 
-FREQUENCIES_PER_DECADE = 6  # frequencies
 ENDLESS = 0.3  # 1/s, slowest rate of an endless substrate: a tenth of it moves G by sqrt(w/alpha)/(2 pi k), 0.02 K/W
 SECTION = 0.2  # of the tolerance, for the mesh of a section
-BEND = 1.0  # error of a gain over w h/R^2
-NEGLECTED = 0.08e12  # 1/m^2, error of the gain between shapes apart over the sum of their w h
 LANE_SIGMA = LANE / math.sqrt(12)  # m, standard deviation of the widest lane
-HALF = 0.5  # of a length: a part along more than that belongs to the section of a shape
-MATCH = 0.05  # of a width, by which two parallel lines may be displaced
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +73,8 @@ class Layout:
         sections: dict[tuple[int, int], Local] = {}
         for i, j in np.argwhere(np.triu(along)).tolist():
             shape = shapes[i]
-            beside = along[i] > HALF * shape.length
+            # 0.5: of a length: a part along more than that belongs to the section of a shape
+            beside = along[i] > 0.5 * shape.length
             beside[[i, j]] = True
             section = _section_at(shape, list(compress(shapes, beside)), shapes)
             parts = (str(shape.part), str(shapes[j].part))
@@ -91,7 +87,8 @@ class Layout:
         """0, and angular frequencies in rad/s up to where every own rise is below a tenth of the tolerance."""
         low = 0.1 * (self.stack.slowest or ENDLESS)
         high = 1e16
-        count = round(FREQUENCIES_PER_DECADE * np.log10(high / low))
+        # 6: frequencies in a decade
+        count = round(6 * np.log10(high / low))
         omega = np.append(0.0, np.geomspace(low, high, count))
         needed = 2
         for (i, j), local in self.locals.items():
@@ -138,7 +135,8 @@ class Layout:
         bend = np.array([shape.bend for shape in self.shapes])
         both = np.add.outer(area, area) * (1 - np.eye(area.size) / 2)
         tightest = np.minimum.outer(bend, bend)
-        return np.where(self.along > 0, BEND * both / tightest**2, NEGLECTED * both)
+        # error of a gain: w h/R^2 of a bend; 0.08e12 1/m^2 times the sum of their w h between shapes apart
+        return np.where(self.along > 0, both / tightest**2, 0.08e12 * both)
 
     def _differences(self, s: Complex) -> dict[tuple[int, int], Complex]:
         """Z - Y in K m/W of each pair that runs along each other, equal sections once."""
@@ -186,7 +184,8 @@ def _length_along(first: Shape, second: Shape) -> float:
     inside = shapely.contains_xy(second.polygon, *points.T)
     depth = np.where(inside, to_edge, -to_edge)
     in_section = second.width / 2 - between
-    alike = np.abs(depth - in_section) < MATCH * second.width
+    # 0.05: of a width, by which two parallel lines may be displaced
+    alike = np.abs(depth - in_section) < 0.05 * second.width
     return float(alike.mean() * first.length)
 
 

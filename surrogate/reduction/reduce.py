@@ -27,7 +27,6 @@ from .certified_space import Certificate, CertifiedSpace, Indices, Projection, c
 
 MOST_COLUMNS = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
-FEW = 4  # samples per decade for that
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +181,8 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
         j, solution = space.solve_next()
         projection = space.projection
         scale = tolerance * _scale(projection, pairs)
-        alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs, per_decade=FEW)
+        # 4: samples in a decade before the full certificate is worked out
+        alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs, per_decade=4)
         if np.all(alone.samples <= PROMISING * scale):
             solutions = [solution if i == j else space.solve(i) for i in range(1, space.shifts.size)]
             certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
@@ -261,9 +261,6 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     return K, M, np.column_stack(ports), heated, read
 
 
-OFF_DIAGONAL = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
-
-
 def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | Sequence[str]) -> xr.Dataset:
     """Derivatives of every R_i and tau_i of a reduction, exact for its basis.
 
@@ -300,7 +297,8 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     identity = np.eye(rate.size)
     K = V.T @ (-heat.channels(heated, read).A @ V)
     off = K / np.sqrt(np.outer(rate, rate)) - identity
-    if np.abs(off).max() > OFF_DIAGONAL:
+    # 1e-6: largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
+    if np.abs(off).max() > 1e-6:
         raise checks.InputError("the reduction is of another heat problem: its poles are not those of heat's matrices")
     changes, tangents = tangents_of(heat, parameters, (heated, read))
     slopes = on_modes(tangents, (heated, read), d.free, V)

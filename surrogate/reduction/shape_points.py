@@ -16,13 +16,8 @@ import shapely
 from thermofem.arrays import Array
 from thermofem.geometry.shapes import UM, Shape
 
-HEIGHT_NODES = 3  # Gauss points over the height of a part
 LANE, MOST_LANES = 0.6e-6, 12  # m, width of a lane; a wide shape has wider ones
-ALONG = 3  # points along a line for each width of a lane
 PER_GAP = 8  # points for each gap to another shape
-CELL = 0.5  # standard deviation over pitch of a cell of an area: neighbouring Gauss curves leave ripples of 5e-5
-FEWER = 1.4  # pitch of the cells of an area, where errors are estimated
-FEWEST_POINTS = 48  # points along a shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +38,12 @@ class Spread:
     def of(cls, shape: Shape) -> "Spread":
         """Uniform over the part of a shape."""
         part = shape.drawn
-        node, weight = np.polynomial.legendre.leggauss(HEIGHT_NODES)
+        # 3: Gauss points over the height of a part
+        node, weight = np.polynomial.legendre.leggauss(3)
         lanes = lanes_of(shape.width)
         lane = shape.width / lanes.size
-        sigma = CELL * lane if shape.line is None else lane / np.sqrt(12)
+        # 0.5: standard deviation over pitch of a cell of an area: neighbouring Gauss curves leave ripples of 5e-5
+        sigma = 0.5 * lane if shape.line is None else lane / np.sqrt(12)
         z = part.bottom + part.height * (node + 1) / 2
         return cls(z, weight / 2, lanes + float(part.x or 0.0), float(sigma))
 
@@ -75,10 +72,13 @@ def points_of(shape: Shape, pitch: float | None = None, *, fewer: bool = False) 
     lanes = lanes_of(shape.width, pitch or 0.0)
     lane = shape.width / lanes.size
     if shape.line is None:
-        cell = FEWER * lane if fewer else lane
+        # 1.4: pitch of the cells of an area, where errors are estimated
+        cell = 1.4 * lane if fewer else lane
         return _cells(shape.polygon, cell * UM)
-    spacing = pitch or lane / ALONG
-    count = max(FEWEST_POINTS, int(np.ceil(shape.length / spacing)))
+    # 3: points along a line for each width of a lane
+    spacing = pitch or lane / 3
+    # 48: points along a shape, at least
+    count = max(48, int(np.ceil(shape.length / spacing)))
     return _along(shape.line, count // 2 if fewer else count, lanes)
 
 

@@ -33,9 +33,7 @@ HELD = 1e30  # W/(m^2 K), of an isothermal side
 NEAREST, FARTHEST = 1e-14, 1e4  # m, range of the transform, which takes both ends for one
 DISTANCES = 8192  # of the distances: 455 a decade, between which linear interpolation errs by 3e-6
 TAIL_OF_GAUSS = 7.0  # k sigma beyond which exp(-(k sigma)^2) is below 1e-21
-FLAT_K = 1e-3  # k times the height of a held stack, below which g(k) is g(0) to 1e-6
 RATES = (1e0, 1e12)  # 1/s, where the slowest rate is looked for
-RATE_STEP = 0.01  # of its logarithm
 CHUNK = 8  # frequencies at once, to bound memory
 
 
@@ -97,7 +95,8 @@ class Stack:
         if self.endless:
             return 0.0
         low, high = RATES
-        rate = np.geomspace(low, high, int(np.log(high / low) / RATE_STEP))
+        # 0.01: step of the logarithm of the rate
+        rate = np.geomspace(low, high, int(np.log(high / low) / 0.01))
         middle = self.edges[:1] / 2 + self.edges[-1:] / 2
         spread = Spread(middle, np.ones(1), np.zeros(1), 0.0)
         g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)
@@ -159,7 +158,8 @@ class Stack:
         variance = heated.sigma**2 + read.sigma**2
         smooth = np.exp(-(k**2) * variance / 2)
         height = float(self.edges[-1] - self.edges[0])
-        uniform = 0.0 if self.endless else FLAT_K / height
+        # 1e-3: k times the height of a held stack, below which g(k) is g(0) to 1e-6
+        uniform = 0.0 if self.endless else 1e-3 / height
         least = np.exp(-(TAIL_OF_GAUSS**2))
         first = int(np.searchsorted(k, uniform))
         last = int(np.searchsorted(-smooth, -least))

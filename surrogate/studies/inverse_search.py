@@ -25,8 +25,6 @@ log = logging.getLogger("thermofem")
 
 Model = Foster | OutputMap
 
-PIECES = 64  # of many members, one task of an executor each
-ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
 LACKING = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 Quantity = str | Callable[..., Any]
@@ -186,7 +184,8 @@ class Property:
         """
         if executor is None:
             return [self(values) for values in members]
-        size = max(1, len(members) // PIECES)
+        # 64: chunks of many members, one task of an executor each
+        size = max(1, len(members) // 64)
         chunks = {k: members[k : k + size] for k in range(0, len(members), size)}
         results: dict[int, list[tuple[Any, str]]] = {}
         for (k, chunk), done in completed(self._of_chunk, chunks.items(), executor=executor):
@@ -291,7 +290,8 @@ class Search:
 def at_edge(names: Sequence[str], shares: Array) -> tuple[str, ...]:
     """Names of the parameters whose share of their range, 0 to 1, lies at one of its ends."""
     distances = np.minimum(shares, 1 - shares)
-    return tuple(itertools.compress(names, distances <= ON_EDGE))
+    # 1e-6: of a range: a parameter as near as this to its end is an active constraint
+    return tuple(itertools.compress(names, distances <= 1e-6))
 
 
 def search_of(

@@ -18,10 +18,8 @@ from ..family.interpolation import TAIL_PROBABILITY, interpolate_members
 from .inverse_search import Follows, Property, Quantity, word
 
 MOST_BASE_SAMPLES = 2**20  # a gigabyte, and a standard error of the mean of a thousandth of the deviation
-RESAMPLES = 200  # of the members, for the intervals of the indices
 ONE_DEVIATION = 0.158655, 0.841345  # shares of a normal distribution below its mean minus and plus one deviation
 INDICES = "first_order", "total_order"
-OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
 def uncertainty(
@@ -192,7 +190,8 @@ class _Study:
         """Raise InputError where more than a few samples leave the box; ``outside``: their share, shape (p,)."""
         box = self.of_member.family.box
         for k, name in enumerate(self.distributions):
-            if outside[k] > OUTSIDE:
+            # 1e-3: share of the samples that may leave the box; they are held at its edge
+            if outside[k] > 1e-3:
                 unit = box.units[box.names.index(name)]
                 ends = " to ".join(quantities.rounded(end[k], unit, 6) for end in self.box)
                 raise checks.InputError(
@@ -260,7 +259,8 @@ def _of_numbers(f: Array, names: list[str], attrs: dict[str, Any]) -> xr.Dataset
     random = np.random.default_rng(0)
     n = f.shape[1]
     resampled = []
-    for _ in range(RESAMPLES):
+    # 200: resampled sets of members, for the intervals of the indices
+    for _ in range(200):
         members = random.integers(n, size=n)
         resampled.append(_indices(centred[:, members]))
     low, high = np.quantile(resampled, (0.025, 0.975), axis=0)

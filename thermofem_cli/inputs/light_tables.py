@@ -22,7 +22,6 @@ from .drive_texts import assigned
 RELATIVE = "fraction"  # arbitrary unit of powers that were in dB
 PORTS = ("drop", "through")
 WIDE = 30.0  # factor by which a rate may differ from its start
-LONGEST_TIME = 1.0  # s; times without unit that span more are hardly seconds
 
 
 def watts_of(name: str, values: Array, unit: str) -> tuple[Array, str]:
@@ -57,7 +56,8 @@ def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states."""
     time, signal, time_unit, light_unit = _two_columns(path, columns, units, "us,mV")
     span = float(time.values[-1] - time.values[0])
-    if not time_unit and span > LONGEST_TIME:
+    # 1.0: s; times without unit that span more are hardly seconds
+    if not time_unit and span > 1.0:
         raise InputError(f"the times of {path} state no unit and span {span:g}", 'give --units "us,mV"')
     t = _si_values(path, time, time_unit or "s", TIME)
     drop, unit = watts_of(f"{path}: {signal.label}", signal.values, light_unit)

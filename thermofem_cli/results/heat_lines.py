@@ -12,8 +12,6 @@ from thermofem.arrays import Array, ArrayLike
 
 from ..console import note, say, written
 
-SAME_RESISTANCE = 1e-3  # relative difference from which R_th at a power is printed beside that at small power
-
 
 def steady_rises(heat: th.fem.HeatProblem, data: xr.Dataset, power: float | None) -> dict[str, float]:
     """Rise of every output in K that a step of ``power`` in W settles at, by k(T) at that power; nan where it fails."""
@@ -43,7 +41,8 @@ def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) ->
         line = f"R_th of {of} = {R / 1e3:.4g} K/mW"
         if power:
             share = rises[name] / steady[name]
-            settles = abs(steady[name] / (R * power) - 1) < SAME_RESISTANCE
+            # 1e-3: relative difference from which R_th at a power is printed beside that at small power
+            settles = abs(steady[name] / (R * power) - 1) < 1e-3
             line += "" if settles else f" at small power, {steady[name] / power / 1e3:.4g} K/mW at this one"
             rise_times[name] = _rise_time(times, share)
             line += _progress(share, rise_times[name])

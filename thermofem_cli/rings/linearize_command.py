@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     import coupled
 
-POINTS = 401  # of the Bode plot
-
 
 def linearize(
     model: options.Model,
@@ -60,7 +58,8 @@ def linearize(
         )
     given = checks.choice("--input", given, linear.inputs)
     size = np.abs(linear.eigenvalues)
-    response = linear.response(np.geomspace(size.min() / 100, size.max() * 10, POINTS) / (2 * np.pi))
+    # 401: frequencies of the Bode plot
+    response = linear.response(np.geomspace(size.min() / 100, size.max() * 10, 401) / (2 * np.pi))
     note_ring(resonator, ring)
     numbers = say_response(linear, response, given)
     if csv:
