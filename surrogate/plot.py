@@ -17,13 +17,12 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, rms
 from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents, unit_of
 from thermofem.plot import CYCLE, INK, SKY, VERMILION, WIDTH, axes as _axes, readable
 from thermofem.waveforms import period_times
 
-from .fitting.pole_projection import rms
 from .judging.validate import valid_range
 from .reduction.array_reduction import ArrayReduction
 

@@ -60,3 +60,19 @@ def autocorrelation(residuals: Array) -> Array:
     vanishing = np.flatnonzero(pairs <= 0)
     count = vanishing[0] if vanishing.size else pairs.size
     return rho[1 : 2 * count]
+
+
+def rms(x: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def deviations(spread: Array) -> Array:
+    """Standard deviations, shape (p,), from the covariance of p parameters."""
+    return np.sqrt(np.maximum(spread.diagonal(), 0))
+
+
+def correlations(spread: Array) -> Array:
+    """Correlations, shape (p, p), from the covariance of p parameters."""
+    deviation = np.maximum(deviations(spread), np.finfo(float).tiny)
+    return spread / np.outer(deviation, deviation)

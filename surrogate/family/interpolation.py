@@ -27,9 +27,8 @@ from numpy.polynomial.chebyshev import chebvander
 from scipy.stats import qmc
 
 from thermofem import Foster, OutputMap, Pulse, checks, solve
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, NDArray, rms
 
-from ..fitting.pole_projection import rms
 from ..reduction.nonlinear_reduction import output_map
 from .members import Solver
 from .parameter_box import Box

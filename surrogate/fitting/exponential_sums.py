@@ -17,12 +17,12 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from thermofem import Foster, checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, deviations, rms
 from thermofem.data import quantity
 
 from .fit import Fit, Training
 from .fit_result import cancelling, check_explained, pole_parameters, unseen_times
-from .pole_projection import covariance, deviations, rms
+from .pole_projection import covariance
 
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 

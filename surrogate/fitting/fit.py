@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import MZI, CrossSection, Foster, checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, correlations, deviations, rms
 from thermofem.data.dataset import START_FROM, at_probe, responses_of
 from thermofem.geometry.section_parts import LIGHT, MODE, WAVELENGTH
 from thermofem.models.foster import (
@@ -41,7 +41,7 @@ from .fit_result import (
     undetermined,
 )
 from .optical_fit import fit_optical
-from .pole_projection import FitProblem, Optimum, correlations, deviations, optimum, polish, rms
+from .pole_projection import FitProblem, Optimum, optimum, polish
 
 METHODS = ("variable projection", "pso")
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"

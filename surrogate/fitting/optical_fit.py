@@ -18,12 +18,12 @@ import xarray as xr
 from scipy.optimize import approx_fprime, least_squares
 
 from thermofem import MZI, Foster, checks
-from thermofem.arrays import Array, independent
+from thermofem.arrays import Array, correlations, deviations, independent, rms
 from thermofem.data import quantity
 from thermofem.data.dataset import START_FROM, Response, responses_of
 
 from .fit_result import UNSEEN, Fit, lowers_only_noise, pole_parameters
-from .pole_projection import by_trace, correlations, covariance, deviations, late_responses, rms
+from .pole_projection import by_trace, covariance, late_responses
 
 PHASES = np.pi * np.array([0.15, 0.4, 0.8, 1.2, 1.7, 2.4, 3.2])  # largest phases of the starts, rad
 SPANS = ((0.02, 0.3), (0.002, 0.1))  # fastest and slowest time constant of the starts over the length of the data

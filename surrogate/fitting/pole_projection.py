@@ -37,7 +37,7 @@ from scipy.optimize import least_squares, nnls
 from thermofem import checks
 from thermofem.algebra.krylov import symmetric_part
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import FEWEST_RESIDUALS, Array, ArrayLike, autocorrelation, independent
+from thermofem.arrays import FEWEST_RESIDUALS, Array, ArrayLike, autocorrelation, deviations, independent, rms
 from thermofem.data.dataset import Response
 
 
@@ -57,17 +57,6 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
     back = Vt.T / size / scale[:, None]
     noise = noise_along(residuals, U, variance, rest=rest)
     return np.asarray(back @ noise @ back.T)
-
-
-def deviations(spread: Array) -> Array:
-    """Standard deviations, shape (p,), from the covariance of p parameters."""
-    return np.sqrt(np.maximum(spread.diagonal(), 0))
-
-
-def correlations(spread: Array) -> Array:
-    """Correlations, shape (p, p), from the covariance of p parameters."""
-    deviation = np.maximum(deviations(spread), np.finfo(float).tiny)
-    return spread / np.outer(deviation, deviation)
 
 
 def by_trace(values: Array, responses: Sequence[Response]) -> list[Array]:
@@ -461,11 +450,6 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
         noise=noise,
         independent=sum(map(independent, traces)),
     )
-
-
-def rms(x: Array) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _offset(response: Response, log_rate: Array, gain: Array, shift: float, covariance: Array) -> tuple[float, float]:

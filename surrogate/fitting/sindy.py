@@ -23,12 +23,10 @@ import numpy as np
 import xarray as xr
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, rms
 from thermofem.data.dataset import response_of, warn_of
 from thermofem.models import HasModel, Network, gate
 from thermofem.waveforms import Waveform
-
-from .pole_projection import rms
 
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 

@@ -13,14 +13,13 @@ from scipy.optimize import brentq
 
 from thermofem import Quadratic, SquareWave, StateSpace, checks, waveforms
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array, ArrayLike, runs_of
+from thermofem.arrays import Array, ArrayLike, rms, runs_of
 from thermofem.data.variables import in_si
 from thermofem.models import NonlinearSystem, ThermalModel, bare, two_kinds
 from thermofem.piecewise import bounds
 from thermofem.transient.integration import integrate_periodic
 from thermofem.waveforms import Waveform
 
-from ..fitting.pole_projection import rms
 from ..reduction.nonlinear_reduction import QuadraticReduction, reduce_quadratic
 
 PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read

@@ -10,14 +10,14 @@ import xarray as xr
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.pole_responses import pole_responses
-from thermofem.arrays import Array
+from thermofem.arrays import Array, rms
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.models import two_kinds
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.family import ChannelNames
-from ..fitting.pole_projection import by_trace, noise_along, rms
+from ..fitting.pole_projection import by_trace, noise_along
 from .inverse_search import at_edge, family_over, inside
 
 log = logging.getLogger("thermofem")
