@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import scipy.io
 from commands import thermofem
-from thermofem.export.formats import Format
 
 import surrogate
 import thermofem as th
 from surrogate.export import FORMATS
+from thermofem.export.export_header import Format
 
 POWER = 2e-3
 PULSE, SQUARE = th.Pulse(POWER, 20e-6), th.SquareWave(POWER, 1e-6, 0.3)
