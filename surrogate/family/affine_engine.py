@@ -263,4 +263,4 @@ class AffineMembers:
     def _means(self, volume: Array, port: int) -> Array:
         """Means of the functions over a port, shape (n, N), of members with the cell volumes (n, 2 c)."""
         whole = volume @ self.volumes[port]
-        return np.asarray(volume @ self.ports[port] / whole[:, None])
+        return volume @ self.ports[port] / whole[:, None]

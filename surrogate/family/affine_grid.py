@@ -122,7 +122,7 @@ class CellGrid:
         def around(numbers: dict[str, Array]) -> Array:
             """2 pi times a property, of every member and cell."""
             table = np.array([numbers[material] for material in names])
-            return np.asarray(2 * np.pi * table[index].T)
+            return 2 * np.pi * table[index].T
 
         offset = rows - self.box.middle
         a, b = self.r.maps(offset)
@@ -289,7 +289,7 @@ class SurfacePoints:
             normal_r, normal_z = self.outward[q]
             square = x**2 / at.k_r[material] + y**2 / at.k_z[material]
             h[:, q] = (normal_r * x + normal_z * y) / square
-        return np.asarray(measure * h)
+        return measure * h
 
 
 def _source(grid: CellGrid, offset: Array) -> Array:
@@ -298,7 +298,7 @@ def _source(grid: CellGrid, offset: Array) -> Array:
     positions = grid.z.at(offset)
     low = int(np.abs(grid.z.base - part.bottom).argmin())
     high = int(np.abs(grid.z.base - part.top).argmin())
-    return np.asarray((positions[:, low] + positions[:, high]) / 2)
+    return (positions[:, low] + positions[:, high]) / 2
 
 
 def surface_points(heat: HeatProblem, intervals: NDArray[np.intp]) -> tuple[SurfacePoints, Any] | None:

@@ -253,7 +253,7 @@ class Family:
         *shape, size = rows.shape
         channel = self.channel(heated, read)
         R_th = self.members.resistances(rows.reshape(-1, size), *channel)
-        return np.asarray(R_th.reshape(shape))
+        return R_th.reshape(shape)
 
     def chosen_channel(self, heated: str | None, read: str | None) -> ChannelNames | None:
         """`named_channel` where one of both names is given, else None; errors as of `channel`."""

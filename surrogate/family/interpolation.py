@@ -105,7 +105,7 @@ def chebyshev(shares: Array, powers: NDArray[Any]) -> Array:
     x = np.clip(2 * shares - 1, -1, 1)
     T = chebvander(x, powers.max())  # (n, size, degree + 1)
     factors = [T[:, k, degrees] for k, degrees in enumerate(powers.T)]
-    return np.asarray(np.prod(factors, axis=0))
+    return np.prod(factors, axis=0)
 
 
 PULSE = 3e-6  # s
@@ -145,7 +145,7 @@ class OutputMaps:
         width = (above - below).diagonal()
         up = self._curve(box.share(above))
         down = self._curve(box.share(below))
-        return np.asarray((up - down) / width)
+        return (up - down) / width
 
     def on(self, linear: Foster, share: Array) -> OutputMap:
         """Output map of the member at fractions ``share`` of the ranges, over its model ``linear`` at small power."""

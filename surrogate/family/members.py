@@ -47,12 +47,12 @@ class MemberModes:
 
     def R(self, heated: int = 0, read: int = 0) -> Array:
         """Resistances R_i of the poles in K/W between two ports, shape (k,)."""
-        return np.asarray(self.ports[heated] * self.ports[read])
+        return self.ports[heated] * self.ports[read]
 
     def step_response(self, times: Array, heated: int = 0, read: int = 0) -> Array:
         """Rise of port ``read`` in K/W after a unit step of power in port ``heated``."""
         rises = -np.expm1(-times[:, None] / self.tau)
-        return np.asarray(rises @ self.R(heated, read))
+        return rises @ self.R(heated, read)
 
 
 @dataclass(frozen=True, eq=False)

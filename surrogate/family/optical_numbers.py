@@ -135,7 +135,7 @@ class LightPort:
         """Weights c/K, shape (n,), at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
         (terms,) = chebyshev(share[None], self.powers)
         shift = terms @ self.shifts
-        return np.asarray(terms @ self.coefficients / shift)
+        return terms @ self.coefficients / shift
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,14 +104,14 @@ class Box:
     def _spacing(self, x: Array) -> Array:
         """The quantity that training spaces evenly: a parameter, or its logarithm."""
         spaced = np.array(x, dtype=float)
-        return np.asarray(np.log(x, out=spaced, where=self.logarithmic))
+        return np.log(x, out=spaced, where=self.logarithmic)
 
     def at(self, share: Array) -> Array:
         """Parameters (SI) at fractions 0 to 1 of their ranges, shape (..., p)."""
         low = self._spacing(self.low)
         high = self._spacing(self.high)
         x = low + share * (high - low)
-        return np.asarray(np.exp(x, out=x, where=self.logarithmic))
+        return np.exp(x, out=x, where=self.logarithmic)
 
     def share(self, rows: Array) -> Array:
         """Each parameter as a fraction of its range, 0 at the low and 1 at the high end; the inverse of `at`.
@@ -122,13 +122,13 @@ class Box:
         """
         low = self._spacing(self.low)
         high = self._spacing(self.high)
-        return np.asarray((self._spacing(rows) - low) / (high - low))
+        return (self._spacing(rows) - low) / (high - low)
 
     def slope(self, share: Array) -> Array:
         """Derivative of each parameter (SI) with respect to its fraction of the range, shape (..., p)."""
         width = self._spacing(self.high) - self._spacing(self.low)
         dx = np.where(self.logarithmic, self.at(share), 1.0)
-        return np.asarray(width * dx)
+        return width * dx
 
     def draw(self, count: int, seed: int, *, unseen: bool = False) -> Array:
         """Random parameters by a scrambled Sobol sequence, shape (count, p); ``unseen``: not those of the same seed."""
@@ -269,7 +269,7 @@ def _material(material: Material, varied: dict[str, Array], T0: Array) -> tuple[
         exponent = varied.get(f"{kind}.exponent", law.exponent)
         reference = varied.get(f"{kind}.reference", law.reference)
         ratio = T0 / reference
-        return np.asarray(ratio**exponent)
+        return ratio**exponent
 
     def number(kind: str) -> Array | float:
         for name in (kind, f"{kind}.value", f"{kind}.r"):

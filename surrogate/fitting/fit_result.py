@@ -209,7 +209,7 @@ def undetermined(optimum: Optimum, span: tuple[float, float], jacobian: Array) -
     change = np.abs(jacobian @ along)
     scale = np.abs(jacobian) @ np.abs(along)
     moved = change > 1e-9 * scale
-    return np.asarray(moved.any(axis=1))
+    return moved.any(axis=1)
 
 
 def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[float, float]) -> list[str]:

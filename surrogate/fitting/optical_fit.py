@@ -65,7 +65,7 @@ class Optical:
             shift = next(late) if response.start_within > 0 else 0.0
             answers.append(late_responses(response, 1 / tau, float(shift)))
         phase = self.shift * np.concatenate(answers)
-        return np.asarray(phase @ (R / tau))
+        return phase @ (R / tau)
 
     @property
     def target(self) -> Array:
@@ -89,7 +89,7 @@ class Optical:
         """Light s at every sample, shape (samples,), for the parameters ln R_i, ln tau_i, u of starts, V, phi_0, a."""
         V, bias, a = parameters[-3:]
         phase = bias + self.phases(parameters[:-3])
-        return np.asarray(a * (1 + V * np.cos(phase)))
+        return a * (1 + V * np.cos(phase))
 
 
 def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, readout: MZI) -> Fit:
@@ -174,7 +174,7 @@ def _search(problem: Optical, order: int) -> Array:
         most = np.append(logs + BOUND, np.ones(starts))
         ends.append(least_squares(problem.misfit, guess, bounds=(least, most), max_nfev=60 * order))
     best = min(ends, key=lambda end: float(end.cost))
-    return np.asarray(best.x)
+    return best.x
 
 
 def _concluded(problem: Optical, end: Array, residuals: Array, order: int) -> Fit:

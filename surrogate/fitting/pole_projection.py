@@ -56,7 +56,7 @@ def covariance(jacobian: Array, residuals: Sequence[Array], variance: float, *, 
     size = np.maximum(size, 3e-8 * size[0])
     back = Vt.T / size / scale[:, None]
     noise = noise_along(residuals, U, variance, rest=rest)
-    return np.asarray(back @ noise @ back.T)
+    return back @ noise @ back.T
 
 
 def by_trace(values: Array, responses: Sequence[Response]) -> list[Array]:
@@ -96,7 +96,7 @@ def noise_along(
     value, vector = np.linalg.eigh(symmetric_part(coloured))
     white = (U.T * of_row) @ U
     more = vector * np.maximum(value, 0)
-    return np.asarray(white + more @ vector.T)
+    return white + more @ vector.T
 
 
 class Noise(NamedTuple):
@@ -246,7 +246,7 @@ class FitProblem:
     def misfit(self, phi: Array, gain: Array) -> Array:
         """Residuals of the samples, in swings, of poles with these `columns` and gains."""
         residuals = self.target - phi @ gain
-        return np.asarray(residuals[: self.weight.size])
+        return residuals[: self.weight.size]
 
     def gains(self, phi: Array) -> Array:
         """Gains of the poles by linear least squares, >= 0 where ``positive``; shape (poles,)."""
@@ -257,7 +257,7 @@ class FitProblem:
             gain, _ = nnls(scaled, self.target, maxiter=30 * norm.size)
         else:
             gain, *_ = np.linalg.lstsq(scaled, self.target, rcond=None)
-        return np.asarray(gain / norm)
+        return gain / norm
 
     @property
     def rested(self) -> list[int]:
@@ -366,7 +366,7 @@ def _descend(problem: FitProblem, log_rate: Array) -> End:
         slopes = _row_derivatives(problem, p, phi, gain)
         Q, _ = np.linalg.qr(active)
         along = Q.T @ slopes
-        return np.asarray(Q @ along - slopes)
+        return Q @ along - slopes
 
     start = np.append(log_rate, np.zeros(free))
     inside = np.clip(start, low + 1e-6, high - 1e-6)

@@ -22,4 +22,4 @@ class RuledLeastSquares(RegressorMixin, BaseEstimator):
 
     def predict(self, X: Array) -> Array:
         """X c, shape (m,)."""
-        return np.asarray(X @ self.coef_)
+        return X @ self.coef_

@@ -138,7 +138,7 @@ def _correction(
     if every:
         return np.array(ratio)
     between = PchipInterpolator(np.log(few), ratio)
-    return np.asarray(between(np.log(periods)))
+    return between(np.log(periods))
 
 
 def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:

@@ -64,7 +64,7 @@ class Truncation(HasModel):
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
-        return np.asarray(np.asarray(states) @ self.basis.T)
+        return np.asarray(states) @ self.basis.T
 
 
 def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e-6) -> Truncation:

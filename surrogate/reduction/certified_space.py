@@ -80,7 +80,7 @@ class Projection:
     @property
     def modes(self) -> Array:
         """Modes V Z in the full space, shape (n, k)."""
-        return np.asarray(self.fields @ self.vectors)
+        return self.fields @ self.vectors
 
     @property
     def gain(self) -> Array:
@@ -240,7 +240,7 @@ def _rho(omega: Array, s: float, t: float) -> Array:
     c = s * t / omega**2
     d = (s + t) / omega
     inverse_square = (1 + c + np.hypot(1 - c, d)) / 2
-    return np.asarray(1 / np.sqrt(inverse_square))
+    return 1 / np.sqrt(inverse_square)
 
 
 def _phi(projection: Projection, shift: float, solution: Array, gram: Array, omega: Array) -> NDArray[np.complex128]:
@@ -292,7 +292,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         """Defect K V Z - M V Z diag(rate) of the projection, shape (n, k)."""
         Z = self.projection.vectors
         flow = self.K @ (self.V @ Z)
-        return np.asarray(flow - (self.MV @ Z) * self.projection.rate)
+        return flow - (self.MV @ Z) * self.projection.rate
 
     def solve(self, j: int) -> Array:
         """(K + s_j M)^-1 Q, shape (n, q), with Q what the basis leaves of the ports (`Projection.remainder`)."""
@@ -350,7 +350,7 @@ class CertifiedSpace(krylov.KrylovSpace):
 def _outside(remainder: Array, ports: Array) -> NDArray[np.bool_]:
     """Which ports the basis does not contain up to round-off, shape (p,)."""
     least = EXHAUSTED * np.linalg.norm(ports, axis=0)
-    return np.asarray(np.linalg.norm(remainder, axis=0) > least)
+    return np.linalg.norm(remainder, axis=0) > least
 
 
 def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:

@@ -89,7 +89,7 @@ class Reduction(HasModel):
 
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
-        return np.asarray(np.asarray(states) @ self.basis.T)
+        return np.asarray(states) @ self.basis.T
 
 
 def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:

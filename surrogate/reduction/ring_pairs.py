@@ -231,7 +231,7 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
         field = factor.solve(b)
         parts += [field.real, field.imag]
     columns = np.column_stack(parts)
-    return np.asarray(columns / np.linalg.norm(columns, axis=0))
+    return columns / np.linalg.norm(columns, axis=0)
 
 
 def _projected(system: StateSpace, V: Array) -> Pairs:

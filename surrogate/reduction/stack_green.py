@@ -187,13 +187,13 @@ class Stack:
             phases = k[:, None] * (spread.lanes + half_width)
             smooth = np.exp(-((k * spread.sigma) ** 2) / 2)
             shares = shares * np.cos(phases).mean(axis=1) * smooth
-        return np.asarray(self.green(k, s, heated, read) @ shares)
+        return self.green(k, s, heated, read) @ shares
 
 
 def _through(load: Complex, kappa: Complex, thick: Complex) -> Complex:
     """Admittance at the near side of a layer with ``load`` at its far side; ``thick`` is q d."""
     tangent = np.tanh(thick)
-    return np.asarray(kappa * (load + kappa * tangent) / (kappa + load * tangent))
+    return kappa * (load + kappa * tangent) / (kappa + load * tangent)
 
 
 def _ratio(load: Complex, kappa: Complex, thick: Complex) -> Complex:
@@ -201,4 +201,4 @@ def _ratio(load: Complex, kappa: Complex, thick: Complex) -> Complex:
     fade = np.exp(-thick)
     inverse_cosh = 2 * fade / (1 + fade**2)
     loaded = 1 + load / kappa * np.tanh(thick)
-    return np.asarray(inverse_cosh / loaded)
+    return inverse_cosh / loaded

@@ -160,7 +160,7 @@ def calibrate(
             z = linear_rise(model)
             of_a = family.output_maps.slopes(family.box, row)
             slopes = (1 + 2 * model.coefficient * z) * slopes + np.outer(of_a, z**2)
-        return np.asarray(slopes.T * (span.slope(x) / scale))
+        return slopes.T * (span.slope(x) / scale)
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (3, len(low)))  # 4 starts of Gauss-Newton, with the middle
     starts = np.vstack([np.full(len(low), 0.5), shares])

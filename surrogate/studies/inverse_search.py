@@ -284,7 +284,7 @@ class Search:
         row = np.array(list(self.family.box.nominal.values()))
         beyond = row[k] - self.low[k]
         width = self.high[k] - self.low[k]
-        return np.asarray(np.clip(beyond / width, 0, 1))
+        return np.clip(beyond / width, 0, 1)
 
 
 def at_edge(names: Sequence[str], shares: Array) -> tuple[str, ...]:

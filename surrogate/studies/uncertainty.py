@@ -229,7 +229,7 @@ def _centred(f: Array) -> Array:
         mean = np.nanmean(part, axis=(0, 1))
         filled.append(np.where(np.isnan(part), mean, part))
     whole = np.concatenate(filled)
-    return np.asarray(whole - whole[:2].mean(axis=(0, 1)))
+    return whole - whole[:2].mean(axis=(0, 1))
 
 
 def _indices(f: Array) -> Array:
