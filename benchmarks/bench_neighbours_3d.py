@@ -52,7 +52,7 @@ def quarter(size: float):
 
 
 def racetrack(size: float):
-    """The same for the racetracks of `examples/racetrack.py` on the uniform stack."""
+    """The same for the racetracks of `examples/trench.py` on the uniform stack."""
     from netgen import occ
 
     def filled(radius: float):

@@ -193,7 +193,7 @@ def plot_layout(names: Sequence[str], outlines: Sequence[Any], gain: Array, ax: 
 
     outlines: as of `ArrayReduction.outlines`, in m. gain [shape (N, N), K/W]
     """
-    ax = _axes(ax)
+    ax = _axes(ax, (WIDTH, WIDTH))
     own = np.diag(gain) / 1e3
     colours = ScalarMappable(Normalize(own.min() * 0.9, own.max() * 1.1), "viridis")
     microns = [[np.asarray(ring) * 1e6 for ring in rings] for rings in outlines]
@@ -215,6 +215,7 @@ def plot_layout(names: Sequence[str], outlines: Sequence[Any], gain: Array, ax: 
         ends = middles[np.array([j, i])].T
         ax.plot(*ends, color=VERMILION, linewidth=0.8, alpha=0.6, zorder=0)
     ax.set(xlabel="x (µm)", ylabel="y (µm)", aspect="equal")
+    ax.margins(0.1)  # for the words below the lowest shapes
     ax.autoscale_view()
-    ax.figure.colorbar(colours, ax=ax, label="R_th (K/mW)")
+    ax.figure.colorbar(colours, ax=ax, label="R_th (K/mW)", shrink=0.7)
     return ax

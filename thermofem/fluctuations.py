@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from scipy.constants import Boltzmann, c as light_speed
-from scipy.linalg import matrix_balance, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg.lapack import dgebal
 
 from . import checks
 from .algebra.factor import factorize
@@ -262,7 +263,7 @@ def _of_linear(ring: Any, omega: Array, read: str) -> Spectrum:
         read = next(name for name in ring.outputs if name.startswith("delta_T"))
     output = ring.outputs.index(checks.choice("read", read, ring.outputs))
     # states of comparable size: in SI those of light and carriers differ by 1e30, which the solvers do not survive
-    A, (scale, _) = matrix_balance(ring.A, permute=False, separate=True)
+    A, _, _, scale, _ = dgebal(ring.A, scale=1, permute=0)
     weight = ring.C[output] * scale
     forces = ring.thermal_forces / scale[:, None]
     shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A

@@ -10,8 +10,6 @@ from .console import say, working, written, wrote
 
 READ = "Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too."
 
-LAYOUT = 1e-3  # smallest tolerance of a layout: bends and neighbours, which it neglects, leave about that
-
 
 def reduce(
     context: typer.Context,
@@ -39,7 +37,8 @@ def reduce(
     from thermofem.geometry.section_parts import LIGHT
 
     from .inputs.command_files import check_outputs, kind_of, section_of
-    from .results.reductions import over_channels, reduced_array, reduced_layout, reduced_racetrack
+    from .results.racetracks import reduced_racetrack
+    from .results.reductions import over_channels, reduced_array, reduced_layout
 
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
@@ -47,13 +46,13 @@ def reduce(
     if geometry is not None and kind_of(geometry) == "layout":
         why = "has no effect on a layout: its shapes are heated and read"
         options.unused(context, why, "heated", "read", "positions", "accuracy", "mesh")
-        return reduced_layout(geometry, max(tolerance, LAYOUT), output)
+        return reduced_layout(geometry, tolerance, output)
     section = section_of(geometry)
     if section.straight:
         options.unused(
             context, "has no effect on a racetrack, whose section gets a mesh for --tolerance", "accuracy", "mesh"
         )
-        return reduced_racetrack(section, max(tolerance, LAYOUT), heated, read, positions, output)
+        return reduced_racetrack(section, tolerance, options.listed(heated), options.listed(read), positions, output)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy, mesh=mesh)
         names = options.listed(heated) or [heat.heated[0]]

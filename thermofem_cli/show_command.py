@@ -39,6 +39,7 @@ def show(
     from .inputs.command_files import expect, in_volts, kind_of
     from .results.heater_sheets import say_sheets
     from .results.model_card import draw_layout, model_card
+    from .results.racetracks import say_racetrack_sheets
 
     kind = kind_of(file)
     if kind == "ring":
@@ -47,7 +48,9 @@ def show(
         section = th.CrossSection.from_toml(file)
         for line in filter(None, section.to_toml().splitlines()):
             say(line)
-        if section.light is None or len(section.heated) < 2 or section.straight:
+        if section.straight:
+            return {"geometry": section.to_toml(), **say_racetrack_sheets(section)}
+        if section.light is None or len(section.heated) < 2:
             return {"geometry": section.to_toml()}
         with working("solving light and heat"):
             heat = th.assemble(section)

@@ -55,6 +55,7 @@ def solve(
     from .inputs.drive_texts import heating, times_of
     from .results.heat_lines import draw_preview, draw_response, note_domain, say_heat, steady_rises
     from .results.heater_sheets import say_sheets
+    from .results.racetracks import say_racetrack_sheets, solved_racetrack
 
     if no_solve:
         why = "has no effect with --no-solve, which draws the --preview alone"
@@ -77,6 +78,21 @@ def solve(
     files = [output, figure, preview, paraview]
     check_outputs(files, images=[figure, preview], inputs=[geometry, mesh])
     length = quantity.positive(duration, "s", name="--duration")
+    step = None if pulse or square else float(wave.mean(0.0, length))
+    parts = options.listed(heated)
+    outputs = [name for text in read or () for name in options.listed(text)]
+    if section.straight:
+        why = "has no effect on a racetrack, which has no mesh of its own"
+        options.unused(context, why, "accuracy", "mesh", "rtol", "preview", "field_times", "paraview")
+        asked = samples if periodic else np.linspace(0, length, samples)
+        data, steady = solved_racetrack(section, wave, asked, parts, outputs)
+        th.save(data, output)
+        if figure:
+            draw_response(data, figure)
+        numbers = say_heat(data, step, {name: R * (step or 0.0) for name, R in steady.items()})
+        numbers |= say_racetrack_sheets(section)
+        wrote(output, figure)
+        return {**numbers, "wrote": [path for path in (output, figure) if path]}
     instants = times_of(field_times)
     if paraview and not instants:
         instants = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
@@ -87,8 +103,6 @@ def solve(
         heat = th.assemble(section, accuracy, mesh=mesh)
     if preview:
         draw_preview(section, heat.mesh, preview)
-    parts = options.listed(heated)
-    outputs = [name for text in read or () for name in options.listed(text)]
     if len(parts) > 1:
         heat = heat.heated_together(parts)
         note(f"the power is divided evenly between {heated}: 1/{len(parts)} in each")
@@ -112,7 +126,6 @@ def solve(
             th.fields.write_fields(data, paraview)
         if figure:
             draw_response(data, figure)
-    step = None if pulse or square else float(wave.mean(0.0, length))
     numbers = say_heat(data, step, steady_rises(heat, data, step))
     if data.attrs["domain_error"] <= NOTABLE:  # a larger one is reported by the log
         note_domain([data.attrs["domain_error"]], accuracy)

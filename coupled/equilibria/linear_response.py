@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import matrix_balance
+from scipy.linalg.lapack import dgebal
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, Complex
@@ -154,7 +154,8 @@ class Linear:
     @cached_property
     def _balanced(self) -> tuple[Array, Array, Array]:
         """A, B and C in states of comparable size, x = scale x', with scales that are powers of two."""
-        A, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
+        # scipy.linalg.matrix_balance turns the scales into integers, which those of many states exceed
+        A, _, _, scale, _ = dgebal(self.A, scale=1, permute=0)
         return A, self.B / scale[:, None], self.C * scale
 
     def _at(self, omega: Array) -> Complex:

@@ -22,6 +22,7 @@ from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
+from ..states import State
 from ..thermal import check_geometry, check_model, compact, plain
 from .corrector import FEM, Corrector, beginning
 from .relaxation import Passed, Relaxation
@@ -173,7 +174,7 @@ def _electric(
     """The loop and the powers of heaters under a voltage or a current; None without such heaters.
 
     With a tcr the powers are those of runs of `simulate` with a reduction of the FEM.
-    Raises InputError: a tcr of matrices without geometry, with k(T) or with an initial state.
+    Raises InputError: a tcr of matrices without geometry, with k(T) or from a cycle.
     """
     resistive = resistive_heaters(heat, heaters)
     if not resistive:
@@ -181,14 +182,22 @@ def _electric(
     if not any(one.resistor.tcr for one in resistive):
         loop = heater_loop(ring, heat, resistive, heaters, drive["duration"], drive["rtol"])
         return loop, loop.powers()
-    if not isinstance(heat, HeatProblem) or heat.nonlinear or initial is not None:
-        rule = "heaters with a tcr need a HeatProblem with constant k and c_p, from cold"
+    from_run = initial is None or "final_rise" in initial
+    if not isinstance(heat, HeatProblem) or heat.nonlinear or not from_run:
+        rule = "heaters with a tcr need a HeatProblem with constant k and c_p, from cold or from the end of a run"
         raise InputError(rule, "give tcr = 0, or their power in W")
     parts = (heat.heated[0], *heaters)
     system = heat.channels(parts, tuple(dict.fromkeys((read, *heaters))))
-    small = krylov(system).reduced(system)
-    loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"])
-    powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, **drive))
+    basis = krylov(system)
+    small = basis.reduced(system)
+    start = None
+    if initial is not None:
+        light = initial.attrs["final_light"]
+        modes = basis.vectors.T @ (system.E @ initial["final_rise"].values)
+        rises = small.C[0] * modes
+        start = State(complex(light[0], light[1]), light[2], rises[np.argsort(1 / basis.rate)])
+    loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"], initial=start)
+    powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, initial=start, **drive))
     return loop, powers
 
 

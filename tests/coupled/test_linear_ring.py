@@ -51,14 +51,20 @@ def values(linear, output, given):
     return linear.static[linear.outputs.index(output), linear.inputs.index(given)]
 
 
-def test_the_response_is_that_of_the_printed_equations_and_of_ngspice(fem):
-    """Half a unit of the sixth digit of the printed modulus."""
+def test_the_response_is_that_of_the_printed_equations_and_of_ngspice(fem, validated):
+    """Half a unit of the last digit of the printed moduli and of the temperature, one of R_eff."""
     linear = coupled.linearize(RING, fem, power=POWER, detuning=DETUNING)
     found = linear.response([*PRINTED])["response"].sel(input="detuning", output="delta_T").values * 1e9
     printed = np.array([*PRINTED.values()])
     assert np.abs(found / printed - 1).max() < 5e-6
-    assert float(linear.state["delta_T"]) == pytest.approx(1.283449, abs=5e-7)
-    assert linear.thermal_resistance == pytest.approx(15016, abs=1)
+    spice = {"source": "independent: ngspice .ac of the exported deck"}
+    for f, ours, expected in zip(PRINTED, np.abs(found), np.abs(printed), strict=True):
+        what = f"temperature per detuning of the strip at 1 mW, -5 GHz and {f:g} Hz"
+        validated("Linear ring", what, ours, expected, rel=5e-6, unit="K/GHz", **spice)
+    rise = linear.state["delta_T"]
+    validated("Linear ring", "rise at 1 mW and -5 GHz", rise, 1.283449, within=5e-7, unit="K", **spice)
+    resistance = linear.thermal_resistance
+    validated("Linear ring", "R_eff at 1 mW and -5 GHz", resistance, 15016, within=1, unit="K/W", **spice)
     assert linear.eigenvalues[0] == pytest.approx(-94970.42, abs=0.01)
     assert linear.stable
 

@@ -62,7 +62,7 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("kind", DRIVES)
-def test_scipy_agrees_on_a_heater_whose_resistance_follows_its_temperature(kind):
+def test_scipy_agrees_on_a_heater_whose_resistance_follows_its_temperature(kind, validated):
     """1e-5, as rtol of 1e-8 and cubics of the absorbed light leave; the light alone heats the heater by .1 K."""
     drive, square, exponent = DRIVES[kind]
     times = np.linspace(0, 2e-6, 41)
@@ -72,6 +72,9 @@ def test_scipy_agrees_on_a_heater_whose_resistance_follows_its_temperature(kind)
     rise, watts = scipy_run(model, 1e-3, -20e9, square, exponent, times)
     assert run["delta_T"].values == pytest.approx(rise, rel=1e-5, abs=1e-5 * rise.max())
     assert run["heater_power"].values[0] == pytest.approx(watts, rel=1e-5, abs=1e-5 * watts.max())
+    scipy = {"rel": 1e-5, "source": "independent: SciPy Radau"}
+    validated("Heaters", f"power after 2 us of {kind}", run["heater_power"][0, -1], watts[-1], unit="W", **scipy)
+    validated("Heaters", f"rise of the ring after 2 us of {kind}", run["delta_T"][-1], rise[-1], unit="K", **scipy)
     cold = square(times) * OHM**exponent
     assert np.abs(watts / np.maximum(cold, 1e-9) - 1).max() > 0.05  # so that alpha is seen
     # V I = P at every time
@@ -212,6 +215,21 @@ def test_the_fem_in_the_loop_under_a_voltage(section):
     # the trapezoidal rule on the accepted steps; the balance itself closes to 1e-6
     assert electric + light == pytest.approx(fem.attrs["heat_in"], rel=1e-3)
     assert abs(fem.attrs["heat_imbalance"]) < 1e-6
+
+
+def test_the_fem_in_the_loop_goes_on_under_a_voltage():
+    """A run in two halves is that run: the resistance goes on with the temperature that the FEM ended with."""
+    heat = th.assemble(WARM, accuracy=1e-2)
+    drive = {"power": 1e-3, "detuning": -20e9, "heaters": {"heater": coupled.Volts(2.0)}}
+    whole = coupled.cosimulate(RING, heat, duration=0.4e-6, **drive)
+    first = coupled.cosimulate(RING, heat, duration=0.2e-6, **drive)
+    second = coupled.cosimulate(RING, heat, duration=0.2e-6, initial=first, **drive)
+    ends = [run["heater_power"].values[0, -1] for run in (whole, first, second)]
+    assert second["heater_power"].values[0, 0] == pytest.approx(ends[1], rel=1e-5)
+    assert ends[2] == pytest.approx(ends[0], rel=1e-5)
+    assert ends[0] != pytest.approx(ends[1], rel=1e-3)  # so that a cold start is seen
+    # 1e-3 K of each co-simulation
+    assert second["delta_T"].values[-1] == pytest.approx(whole["delta_T"].values[-1], abs=3e-3)
 
 
 BAD = {

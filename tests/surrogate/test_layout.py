@@ -17,6 +17,7 @@ GUIDE = th.straight_guide()
 THIN = th.straight_guide(substrate=20e-6)
 HEATED = heated_section()
 BAR = {"path": [(0.0, 0.0), (20e-6, 0.0)]}
+SOLID = {"source": "independent: NGSolve in three dimensions"}
 
 
 def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
@@ -30,10 +31,14 @@ def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
 CIRCLE = (7872.30, 7397.93 - 1193.16j, 4454.94 - 1757.70j, 2017.67 - 1409.73j, 441.85 - 651.46j)
 
 
-def test_a_circle_is_the_axisymmetric_ring():
+def test_a_circle_is_the_axisymmetric_ring(validated):
     circle = th.racetrack("ring 1", GUIDE, radius=7.955e-6, straight=0.0)
     layout = surrogate.reduce_layout([circle])
-    Z = layout.channel(0, 0).impedance([0.0, 1e4, 1e5, 1e6, 1e7])
+    frequencies = [0.0, 1e4, 1e5, 1e6, 1e7]
+    Z = layout.channel(0, 0).impedance(frequencies)
+    for f, ours, exact in zip(frequencies, np.abs(Z), np.abs(CIRCLE), strict=True):
+        fem = {"rel": 1e-3, "unit": "K/W", "source": "prototype: axisymmetric FEM, mesh of 1e-5"}
+        validated("Layouts", f"|Z| of a circle at {f:g} Hz", ours, exact, **fem)
     # 1e-3: the mesh of the section has 2e-4 of R_th, the bend 4e-4 (measured), the poles 1e-4 of R_th
     np.testing.assert_array_less(np.abs(Z / CIRCLE - 1), 1e-3)
     own = th.assemble(th.strip_ring(outer_radius=90e-6), 1e-4).thermal_resistance("core")
@@ -52,7 +57,7 @@ def test_the_bound_of_a_tight_bend_holds(radius, width):
     assert 1e-3 < off < layout.error_bound
 
 
-def test_racetracks_against_three_dimensions():
+def test_racetracks_against_three_dimensions(validated):
     """Two racetracks in a box with insulated sides at 32 um: NGSolve, 78 450 unknowns; walls are images."""
     places = [(x, y) for x in (-52e-6, -12e-6, 76e-6, 12e-6, 52e-6, -76e-6) for y in (-64e-6, 0.0, 64e-6)]
     shapes = [th.racetrack(f"ring {k}", THIN, radius=5e-6, straight=8e-6, at=at) for k, at in enumerate(places)]
@@ -60,11 +65,11 @@ def test_racetracks_against_three_dimensions():
     own = places.index((-12e-6, 0.0))
     images = gain[own].reshape(6, 3).sum(axis=1)
     # 1 %: NGSolve's own circle lies 0.5 % below the axisymmetric FEM
-    assert images[:3].sum() == pytest.approx(8330, rel=0.01)
-    assert images[3:].sum() == pytest.approx(28.5, rel=0.01)
+    validated("Layouts", "racetrack in a box of 64 um", images[:3].sum(), 8330, rel=0.01, unit="K/W", **SOLID)
+    validated("Layouts", "its neighbour 24 um away", images[3:].sum(), 28.5, rel=0.01, unit="K/W", **SOLID)
 
 
-def test_a_straight_heater_beside_a_ring_against_three_dimensions():
+def test_a_straight_heater_beside_a_ring_against_three_dimensions(validated):
     """A box with insulated sides at 32 um: NGSolve, 277 270 unknowns (benchmarks/bench_heater_3d.py)."""
     strip = th.Part("heater", "TiN", bottom=1e-6, height=140e-9, heated=True, x=0.0, width=2e-6)
     section = replace(THIN, parts=(*THIN.parts, strip))
@@ -77,10 +82,10 @@ def test_a_straight_heater_beside_a_ring_against_three_dimensions():
     layout = surrogate.reduce_layout(shapes)
     by_heater = layout.crosstalk[:, 1:].sum(axis=1) / 1e3
     # 1e-3: elements of third and second order differ by 1e-4 there; the images that are left out have less
-    assert by_heater[0] == pytest.approx(1.6007, rel=1e-3)
+    validated("Layouts", "ring by a strip 8 um beside it", by_heater[0], 1.6007, rel=1e-3, unit="K/mW", **SOLID)
     # 1 %: the ends of a heater of 2 um by 20 um, which its line does not know
     middle = [shape.name for shape in shapes].index("image 0 0")
-    assert by_heater[middle] == pytest.approx(15.8195, rel=1e-2)
+    validated("Layouts", "that strip by itself", by_heater[middle], 15.8195, rel=1e-2, unit="K/mW", **SOLID)
 
 
 def test_the_ring_of_the_paper_is_a_circle_of_its_length_to_a_tenth_of_a_percent():
@@ -174,9 +179,13 @@ BENDS = 0.016  # bound of a layout for bends of 5 um: w h of ring and heater ove
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", FEMX)
-def test_a_published_study_of_a_ring_heater(femx, case):
+def test_a_published_study_of_a_ring_heater(femx, case, validated):
     """Ours is above in all: the ring by 5.9 to 8.1 %, the heater by 3.9 to 4.7 %."""
-    np.testing.assert_allclose(femx[case], FEMX[case], rtol=LACKS + BENDS)
+    source = {"rel": LACKS + BENDS, "unit": "K/mW", "source": "published, femx and Elmer: linear tetrahedra"}
+    for name, ours, published in zip(("ring", "heater"), femx[case], FEMX[case], strict=True):
+        side, silicon = case
+        what = f"{name} by its heater, sides at {side} um, {silicon} um of silicon"
+        validated("Layouts", what, ours, published, **source)
 
 
 @pytest.mark.slow
@@ -395,6 +404,18 @@ def test_a_circuit_takes_its_rings_by_name(chip):
     np.testing.assert_allclose(run.delta_T.isel(time=-1), expected, rtol=2e-3)
 
 
+def test_a_linear_circuit_on_a_layout_steps_as_its_heat(chip):
+    """Almost dark, the temperature follows heat as the channel of the layout does."""
+    drive = {"power": {"in": 1e-9}, "detuning": -20e9, "starts": 0}
+    linear = coupled.linearize(coupled.bus([coupled.borghi2021()] * 2), chip, **drive)
+    times = np.array([0.0, 1e-7, 1e-6, 1e-2])
+    step = linear.step(times)["step"]
+    # 1 nW of light changes R_th by 1e-6
+    for read, channel in (("delta_T ring 1", chip.channel(0, 0)), ("delta_T ring 2", chip.channel(0, 2))):
+        rise = step.sel(input="heat ring 1", output=read).values
+        assert rise == pytest.approx(channel.step_response(times), rel=1e-5, abs=1e-7 * chip.crosstalk[0, 0])
+
+
 def test_a_made_ring_is_told_that_a_layout_reads_the_core(chip):
     """Its dn_eff/dT goes with the temperature of its light, and the ambient is no input of a layout."""
     made = coupled.ring_from(th.strip_ring(radius=5e-6), wavelength=1.55e-6, loss=161.0, coupling=0.05).ring
@@ -428,6 +449,7 @@ def test_spice_takes_a_layout(chip, tmp_path):
 
 RING = th.racetrack("ring 1", THIN)
 PLATE = replace(THIN, parts=(*THIN.parts, th.Part("plate", "Al", bottom=1e-6, height=1e-7, x=0.0, width=30e-6)))
+HIGH = th.Part("core", "Si", bottom=9e-6, height=220e-9, heated=True, x=0.0, width=450e-9)
 VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
 
 
@@ -451,6 +473,7 @@ VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
         (lambda: th.racetrack("ring", THIN, radius=5.0), "radius = 5 must"),
         (lambda: th.racetrack("ring", th.strip_ring()), "a straight one is needed"),
         (lambda: th.racetrack("ring", replace(THIN, parts=(*THIN.parts, VOID))), "the void 'trench' cuts the stack"),
+        (lambda: th.racetrack("ring", replace(THIN, parts=(HIGH,))), "lies outside the stack"),
         (lambda: th.Shape("bar", THIN), "either an outline or a path"),
         (lambda: th.Shape("bar", THIN, outline=[(0, 0), (1e-6, 0), (0, 1e-6)], **BAR), "either an outline or a path"),
         (lambda: th.Shape("bar", THIN, part="heater", **BAR), "known: core"),

@@ -1,5 +1,6 @@
 """[plan] straight in a geometry file: racetracks against circles, the FEM, and formulas of the perimeter."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -110,7 +111,7 @@ def test_files_and_refusals(tmp_path):
         reduce_racetrack(replace(th.strip_ring(radius=2e-6), straight=3e-6))
 
 
-@pytest.mark.parametrize("command", ["solve", "cosimulate", "validate", "noise"])
+@pytest.mark.parametrize("command", ["cosimulate", "validate", "noise"])
 def test_commands_that_solve_circles_refuse_it_in_one_line(command, tmp_path):
     (tmp_path / "ring.toml").write_text(PAPER.to_toml())
     run = commands.thermofem(command, "ring.toml", cwd=tmp_path)
@@ -119,6 +120,46 @@ def test_commands_that_solve_circles_refuse_it_in_one_line(command, tmp_path):
     assert len(errors) == 1
     assert "is a racetrack" in errors[0]
     assert "thermofem reduce" in errors[0]
+
+
+def test_solve_follows(tmp_path, paper):
+    """Mean of the core and the temperature of the light, as the model of the racetrack has them."""
+    (tmp_path / "ring.toml").write_text(PAPER.to_toml())
+    options = "--read", "core, light", "--power", "2 mW", "--duration", "20 us", "--samples", "11", "-o", "heat.nc"
+    done = commands.thermofem("solve", "ring.toml", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "R_th of core = 7.8" in done.stdout
+    data = th.load(tmp_path / "heat.nc")
+    for name in ("core", "light"):
+        rise = 2e-3 * paper.model.channel(read=name).step_response(data["time"].values)
+        np.testing.assert_allclose(data["delta_T"].sel(probe=name), rise, rtol=1e-4, atol=1e-6)
+    periodic = "--square", "1 us", "--periodic", "--samples", "50", "-o", "period.nc"
+    assert commands.thermofem("solve", "ring.toml", *periodic, cwd=tmp_path).returncode == 0
+    drop = th.load(tmp_path / "period.nc")["delta_T"].values
+    assert drop[0] == pytest.approx(drop[-1], rel=1e-9)
+    two = commands.thermofem("solve", "ring.toml", "--heated", "core, box", cwd=tmp_path)
+    assert (two.returncode, "one part of a racetrack" in two.stderr) == (2, True)
+
+
+def test_show_and_ring_print_the_data_sheet_of_a_racetrack(tmp_path):
+    """P(2 pi) = FSR/(f alpha R) with FSR = c/(n_g L), L the perimeter; rho L/(w h) of the heater along it."""
+    values = {"material.TiN.resistivity": "1e-6 ohm*m", "light.wavelength": "1.55 um", "light.loss": "2 dB/cm"}
+    section = replace(th.heated_ring(radius=7e-6), straight=3e-6).with_(values)
+    (tmp_path / "ring.toml").write_text(section.to_toml())
+    done = commands.thermofem("show", "ring.toml", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    sheet = json.loads(done.stdout)["heaters"]["heater"]
+    mode = th.light(section).mode()
+    spacing = 299792458 / (mode.n_g * PERIMETER)
+    gain = reduce_racetrack(section).model.channel("heater", "light").thermal_resistance
+    assert sheet["fsr_power"] == pytest.approx(spacing * 1.55e-6 / 299792458 / mode.thermo_optic / gain, rel=1e-6)
+    part = next(part for part in section.parts if part.name == "heater")
+    area = (part.outer_radius - part.inner_radius) * part.height
+    assert sheet["resistance"] == pytest.approx(1e-6 * PERIMETER / area, rel=1e-9)
+    ring = commands.thermofem("ring", "ring.toml", "--coupling", "0.05", "-o", "optics.toml", "--json", cwd=tmp_path)
+    assert ring.returncode == 0, ring.stderr
+    # th.light and ring_from solve for the mode alike
+    assert json.loads(ring.stdout)["heaters"]["heater"] == pytest.approx(sheet, rel=1e-6)
 
 
 def test_reduce_ring_and_simulate_follow(tmp_path, paper):

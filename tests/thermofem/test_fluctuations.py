@@ -57,24 +57,30 @@ def glass():
     return silica.conductivity, silica.density * silica.specific_heat
 
 
-def test_a_gaussian_in_a_homogeneous_medium_is_the_closed_form(gaussian):
+def test_a_gaussian_in_a_homogeneous_medium_is_the_closed_form(gaussian, validated):
     """Z = e^x E1(x)/(4 pi k) per length, x = s w^2/4 D. At 10 kHz and above the fibre's surface is not felt."""
     k, capacity = glass()
     f = np.array([1e4, 2.5e4, 1e5])
     noise = th.thermal_noise(gaussian, f, temperature=298.0)
     x = 2j * np.pi * f * FIBRE_WAIST**2 * capacity / (4 * k)
     exact = 4 * Boltzmann * 298.0**2 * (np.exp(x) * exp1(x) / (4 * np.pi * k)).real / SLICE
-    assert noise["S_T"].values == pytest.approx(exact, rel=2e-4, abs=0)  # 1e-4 of the mesh, and of the reduction
+    for frequency, ours, expected in zip(f, noise["S_T"].values, exact, strict=True):
+        what = f"density of a Gaussian mode in glass at {frequency:g} Hz"
+        source = {"unit": "K^2/Hz", "source": "closed form: 4 k T^2 Re e^x E1(x)/(4 pi k)"}
+        validated("Thermal noise", what, ours, expected, rel=2e-4, **source)  # 1e-4 of mesh, and of the reduction
     # equipartition: the Gaussian's own heat capacity, pi w^2 rho c per length, to the integration of its square
     variance = Boltzmann * 298.0**2 / (np.pi * FIBRE_WAIST**2 * capacity * SLICE)
     assert noise.attrs["variance"] == pytest.approx(variance, rel=1e-8, abs=0)
 
 
-def test_a_fibre_has_the_phase_noise_that_wanser_published(gaussian):
+def test_a_fibre_has_the_phase_noise_that_wanser_published(gaussian, validated):
     """5.1e-7 and 1.3e-7 rad/sqrt(Hz) at 0 and 25 kHz: 20 + 20 m at 1300 nm; waist and dn/dT + n alpha are assumed."""
     noise = th.thermal_noise(gaussian, [1.0, 2.5e4], temperature=298.0)
     phase = (2 * np.pi / 1.3e-6) * 1.27e-5 * np.sqrt(40.0 * SLICE * noise["S_T"].values)
-    assert phase == pytest.approx([5.1e-7, 1.3e-7], rel=0.1, abs=0)
+    for hertz, ours, published in ((0, phase[0], 5.1e-7), (25_000, phase[1], 1.3e-7)):
+        what = f"phase noise of 20 + 20 m of fibre at {hertz} Hz"
+        source = {"unit": "rad/rtHz", "source": "Wanser, Electron. Lett. 28, 53 (1992)"}
+        validated("Thermal noise", what, ours, published, rel=0.1, **source)
     assert phase[1] / phase[0] == pytest.approx(1.3 / 5.1, rel=0.06, abs=0)  # the waist alone
 
 
@@ -100,7 +106,7 @@ def test_the_reference_strip_at_room_temperature(strip):
     assert core.attrs["variance"] != noise.attrs["variance"]
 
 
-def test_the_exported_deck_has_the_same_noise_in_ngspice(tmp_path):
+def test_the_exported_deck_has_the_same_noise_in_ngspice(tmp_path, validated):
     """A resistor's noise voltage at 26.85 C, 4 k T Re Z, times sqrt(T): the deck's R and C hold 17 digits."""
     program = shutil.which("ngspice") or pytest.skip("ngspice is not installed")
     rom = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3)
@@ -129,7 +135,9 @@ quit
     # a printed run of ngspice 39, without ngspice at hand
     printed = [1.141471e-8, 1.106579e-8, 8.588419e-9, 5.780017e-9, 2.709290e-9, 7.945778e-10]
     found = th.thermal_noise(rom, [1e2, 1e4, 1e5, 1e6, 1e7, 1e8], temperature=300.0)
-    assert np.sqrt(found["S_T"].values) == pytest.approx(np.array(printed) * np.sqrt(300.0), rel=2e-6, abs=0)
+    for f, ours, theirs in zip(found["frequency"].values, np.sqrt(found["S_T"].values), printed, strict=True):
+        spice = {"unit": "K/rtHz", "source": "independent: ngspice .noise of the exported deck"}
+        validated("Thermal noise", f"reference strip at {f:g} Hz", ours, theirs * np.sqrt(300.0), rel=2e-6, **spice)
 
 
 NETWORK = th.Foster(R=[100.0, 2000.0, 5000.0], tau=[5e-9, 60e-9, 1e-6])

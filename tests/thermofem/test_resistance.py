@@ -28,18 +28,20 @@ def vars_of(section):
     return {name: getattr(section, name) for name in CrossSection.__dataclass_fields__}
 
 
-def test_the_published_resistance_of_an_arc():
+def test_the_published_resistance_of_an_arc(validated):
     """TiN of 2.3e6 S/m, 30.4 um long, 2 um x 140 nm: 45.9145 ohm (0.229573 V at 5 mA) with contacts, in 3-D; 4 %."""
     found = straight(30.4e-6, 1 / 2.3e6, 2e-6, 140e-9).resistor("heater")
-    assert found.resistance == pytest.approx(0.229573 / 5e-3, rel=0.04)
+    solid = {"unit": "ohm", "source": "published 3-D calculation of 0.229573 V at 5 mA"}
+    validated("Heaters", "TiN arc of 30.4 um with contacts", found.resistance, 0.229573 / 5e-3, rel=0.04, **solid)
     assert found.resistance == pytest.approx(47.2, rel=1e-3)  # three digits of the plain arc
     assert "L = 30.4 um" in found.origin
 
 
-def test_the_resistance_per_length_of_a_public_design_kit():
+def test_the_resistance_per_length_of_a_public_design_kit(validated):
     """0.375 ohm/um: 120 ohm at 320 um."""
     section = straight(320e-6, 0.375e6 * 2e-6 * 100e-9, 2e-6, 100e-9)
-    assert section.resistor("heater").resistance == pytest.approx(120.0, rel=1e-9)
+    kit = {"unit": "ohm", "source": "public design kit, 0.375 ohm/um"}
+    validated("Heaters", "TiN strip of 320 um", section.resistor("heater").resistance, 120.0, rel=1e-9, **kit)
 
 
 def test_a_ring_is_as_long_as_its_mean_circumference():
@@ -155,3 +157,7 @@ def test_commands_print_the_data_sheet(tmp_path):
     power = float(done.stdout.split("heater, pi: ")[1].split(" mW")[0])
     assert power == pytest.approx(expected["pi_power"] * 1e3, rel=1e-2)
     assert "mW/FSR" in done.stdout
+    done = thermofem("ring", "ring.toml", "--coupling", "0.05", "-o", "optics.toml", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    # the mode of ring is that of a finer mesh, too
+    assert json.loads(done.stdout)["heaters"]["heater"] == pytest.approx(expected, rel=1e-2)

@@ -15,11 +15,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.constants import c as light_speed
 
 from .. import checks
 from ..arrays import Array, ArrayLike, Mask
-from ..geometry.resistor import known_resistor
+from ..geometry.resistor import heater_sheet
 from ..geometry.section_parts import AMBIENT, LIGHT, MODE, WAVELENGTH
 from ..materials.material_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
@@ -379,37 +378,14 @@ class HeatProblem:
         >>> print(f"{sheet['pi_power'] * 1e3:.1f} mW, {sheet['pi_voltage']:.2f} V for pi")
         18.9 mW, 1.51 V for pi
         """
-        light = self.lit.light
-        if light is None:
-            hint = "give the geometry a [light] table with its wavelength, or take self.with_light(mode)"
+        mode = self.lit.light
+        if mode is None:
+            hint = "give the geometry a [light] table with its wavelength, or take heat.with_light(mode)"
             raise checks.InputError(f"{self.geometry.name!r} has no light, whose phase a heater moves", hint)
-        heaters = [name for name in self.heated if name != light.core]
+        heaters = [name for name in self.heated if name != mode.core]
         heater = checks.choice("heater", heater, heaters, default=next(iter(heaters), None))
-        length = self.geometry.length or self.geometry.path_length(light.radius)
-        to_light = self.lit.thermal_resistance(heater, LIGHT)
-        shift_per_kelvin = light.wavelength * light.thermo_optic
-        free_spectral_range = light_speed / (light.n_g * length)
-        shift = light_speed / light.wavelength * light.thermo_optic * to_light  # Hz/W
-        sheet = {
-            "thermal_resistance": to_light,
-            "shift_per_kelvin": shift_per_kelvin,
-            "shift_per_watt": shift_per_kelvin * to_light,
-            "free_spectral_range": free_spectral_range,
-            "pi_power": free_spectral_range / shift / 2,
-            "fsr_power": free_spectral_range / shift,
-        }
-        resistor = known_resistor(self.geometry, heater)
-        if resistor is None:
-            return sheet
-        self_heating = self.thermal_resistance(heater)
-        sheet["resistance"] = resistor.resistance
-        for phase in ("pi", "fsr"):
-            power = sheet[f"{phase}_power"]
-            hot = resistor.resistance * (1 + resistor.tcr * self_heating * power)
-            checks.positive(f"resistance of {heater!r} at the power of {phase}", hot, unit="ohm")
-            sheet[f"{phase}_voltage"] = np.sqrt(power * hot)
-            sheet[f"{phase}_current"] = np.sqrt(power / hot)
-        return sheet
+        to_light = self.lit.thermal_resistance(heater, "light")
+        return heater_sheet(self.geometry, mode, heater, to_light, self.thermal_resistance(heater))
 
     @cached_property
     def _mesh_error(self) -> MeshError:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from math import sqrt
+from typing import TYPE_CHECKING, Any
+
+from scipy.constants import c
 
 from .. import checks
 from ..data import quantity
@@ -86,3 +89,37 @@ def check_resistors(geometry: CrossSection) -> None:
             )
         if part.tcr and part.resistance is None and resistivity is None:
             raise checks.InputError(f"part {part.name!r} has a tcr, but no resistance", 'e.g. resistance = "120 ohm"')
+
+
+def heater_sheet(
+    geometry: CrossSection, mode: Any, heater: str, to_light: float, self_heating: float
+) -> dict[str, float]:
+    """Numbers of a heater's data sheet by name, in SI, as of `HeatProblem.heater_sheet`, which has the formulas.
+
+    mode [thermofem.optics.Mode]: the light.
+    to_light, self_heating [K/W]: R(heater -> light) and R(heater -> heater).
+    Raises InputError: a tcr that makes the resistance negative.
+    """
+    length = geometry.length or geometry.path_length(mode.radius)
+    shift_per_kelvin = mode.wavelength * mode.thermo_optic
+    free_spectral_range = c / (mode.n_g * length)
+    shift = c / mode.wavelength * mode.thermo_optic * to_light  # Hz/W
+    sheet = {
+        "thermal_resistance": to_light,
+        "shift_per_kelvin": shift_per_kelvin,
+        "shift_per_watt": shift_per_kelvin * to_light,
+        "free_spectral_range": free_spectral_range,
+        "pi_power": free_spectral_range / shift / 2,
+        "fsr_power": free_spectral_range / shift,
+    }
+    resistor = known_resistor(geometry, heater)
+    if resistor is None:
+        return sheet
+    sheet["resistance"] = resistor.resistance
+    for phase in ("pi", "fsr"):
+        power = sheet[f"{phase}_power"]
+        hot = resistor.resistance * (1 + resistor.tcr * self_heating * power)
+        checks.positive(f"resistance of {heater!r} at the power of {phase}", hot, unit="ohm")
+        sheet[f"{phase}_voltage"] = sqrt(power * hot)
+        sheet[f"{phase}_current"] = sqrt(power / hot)
+    return sheet

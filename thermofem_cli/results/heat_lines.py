@@ -48,12 +48,14 @@ def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) ->
             line += _progress(share, rise_times[name])
         say(line)
     largest = float(data["delta_T"].max())
-    say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
+    imbalance = a.get("heat_imbalance")
+    error = f"error below {a['error_bound']:.1e}" if imbalance is None else f"energy imbalance {imbalance:.0e}"
+    say(f"largest rise {largest:.4g} K, {error}")
     return {
         "thermal_resistance": resistances[names[0]],
         "largest_rise": largest,
-        "heat_imbalance": a["heat_imbalance"],
-        "domain_error": a["domain_error"],
+        "heat_imbalance": imbalance,
+        "domain_error": a.get("domain_error"),
         "heated": source,
         **({"thermal_resistances": resistances} if len(names) > 1 else {}),
         **({"rise_time": rise_times, "steady_rise": steady} if power else {}),

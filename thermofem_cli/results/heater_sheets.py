@@ -13,17 +13,20 @@ def say_sheets(heat: th.fem.HeatProblem) -> dict[str, dict[str, dict[str, float]
     """Print and return the numbers of every heater beside a guide; {} where light or heater are not known."""
     light = heat.light or heat.geometry.light
     core = getattr(light, "core", None) or getattr(light, "part", None)
-    heaters = [name for name in heat.heated if name != core]
-    if core is None or not heaters:
-        return {}
+    heaters = [name for name in heat.heated if name != core] if core else []
     sheets = {name: heat.heater_sheet(name) for name in heaters}
+    return say_each(heat.geometry, sheets)
+
+
+def say_each(geometry: th.CrossSection, sheets: dict[str, dict[str, float]]) -> dict[str, dict[str, dict[str, float]]]:
+    """Print the sheets of heaters by name, and return them as a number of the command; {} where there are none."""
     for name, sheet in sheets.items():
-        say_resistance(heat.geometry, name)
+        say_resistance(geometry, name)
         shift = f"{sheet['shift_per_watt'] * 1e9:.4g} pm/mW"
         say(f"{name}: {sheet['thermal_resistance'] / 1e3:.4g} K/mW in the light, {shift}")
         for phase, words in PHASES.items():
             say(f"{name}, {words}: {_drive(sheet, phase)}")
-    return {"heaters": sheets}
+    return {"heaters": sheets} if sheets else {}
 
 
 def say_resistance(geometry: th.CrossSection, name: str) -> None:

@@ -1,81 +1,16 @@
-"""Reductions of racetracks, arrays and layouts, as ``reduce`` writes and prints them."""
+"""Reductions of arrays and layouts, as ``reduce`` writes and prints them."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import surrogate
 import thermofem as th
-from surrogate.reduction.racetrack_reduction import reduce_racetrack
-from surrogate.studies.inverse_search import channel_steps
-from thermofem import InputError, checks
+from thermofem import InputError
 from thermofem.data import files, quantity
-from thermofem.geometry.section_parts import LIGHT
 
-from ..console import say, working, written, wrote
-from ..options import listed
+from ..console import say, working, wrote
 
-
-def reduced_racetrack(
-    section: th.CrossSection,
-    tolerance: float,
-    heated: str | None,
-    read: str | None,
-    positions: Path | None,
-    output: Path,
-) -> dict[str, Any]:
-    """Reduce a ring with [plan] straight: inputs its heated parts, outputs the same and the light."""
-    if positions is not None:
-        raise InputError(
-            f"--positions: {section.name!r} is a racetrack",
-            "an array of racetracks is a layout, with a table [[shape]] for each",
-        )
-    with working("solving the section and the path of the racetrack"):
-        made = reduce_racetrack(section, tolerance)
-    whole = made.model
-    names = listed(heated) or [whole.inputs[0]]
-    for name in names:
-        checks.choice("--heated", name, whole.inputs)
-    light = [LIGHT] if LIGHT in whole.outputs else []
-    outputs = listed(read) or [*names[:1], *light]
-    for name in outputs:
-        checks.choice("--read", name, whole.outputs, hint="a racetrack has its heated parts, and light")
-    rows = [whole.outputs.index(name) for name in outputs]
-    columns = [whole.inputs.index(name) for name in names]
-    model = replace(whole, B=whole.B[:, columns], C=whole.C[rows], inputs=tuple(names), outputs=tuple(outputs))
-    bound = float(made.channel_bounds[np.ix_(rows, columns)].max())
-    provenance = {
-        "method": "racetrack reduction",
-        "tolerance": tolerance,
-        "error_bound": bound,
-        "geometry": section.to_toml(),
-        "ports": names,
-    }
-    surrogate.save_model(model, output, provenance=provenance)
-    length = quantity.rounded(section.path_length(_radius(section, whole.inputs[0])), "m", 5)
-    say(f"racetrack of {length}: {model.order} states, error of Z(f) below {bound:.1e} of R_th")
-    steps = channel_steps(model) or []
-    for row in steps:
-        channel = f" from {row['heated']} to {row['read']}"
-        rise = written(row["rise_time"], "s")
-        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{channel}, rise 10-90 % in {rise}")
-    wrote(output)
-    return {
-        "poles": model.order,
-        "error_bound": bound,
-        "heated": names,
-        "read": outputs,
-        "thermal_resistance": over_channels(steps, names, outputs, "thermal_resistance"),
-        "rise_time": over_channels(steps, names, outputs, "rise_time"),
-        "model": output,
-    }
-
-
-def _radius(section: th.CrossSection, name: str) -> float:
-    part = next(part for part in section.parts if part.name == name)
-    return (part.inner_radius + part.outer_radius) / 2
+LEAST_TOLERANCE = 1e-3  # of layouts and racetracks: bends and neighbours, which they neglect, leave about that
 
 
 def over_channels(
@@ -114,7 +49,7 @@ def reduced_array(
 def reduced_layout(path: Path, tolerance: float, output: Path) -> dict[str, Any]:
     """Reduce a layout: one input and output for each shape."""
     with working("solving the sections of the shapes and their paths"):
-        layout = surrogate.reduce_layout(th.read_layout(path), tolerance)
+        layout = surrogate.reduce_layout(th.read_layout(path), max(tolerance, LEAST_TOLERANCE))
         surrogate.save_model(layout.model, output, provenance=layout.provenance)
     names = list(layout.model.outputs)
     passive = "passive" if layout.passive else "not passive"

@@ -154,6 +154,7 @@ def ring(
     from ..inputs.command_files import check_outputs, section_of
     from ..inputs.drive_texts import wavelength_of
     from ..results.heater_sheets import say_sheets
+    from ..results.racetracks import say_racetrack_sheets
 
     section = section_of(geometry)
     check_outputs([output], inputs=[geometry])
@@ -182,8 +183,8 @@ def ring(
     )
     say(f"bus: {computed.origins['bus_rate']}")
     sheets: dict[str, Any] = {}
-    if section.straight and len(section.heated) > 1:
-        note("no data sheet of heaters: that of a racetrack is `thermofem reduce --heated HEATER --read light`")
+    if section.straight:
+        sheets = say_racetrack_sheets(section, computed.mode)
     elif len(section.heated) > 1:
         with working("solving the heat"):
             heat = th.assemble(replace(section, light=None)).with_light(computed.mode)

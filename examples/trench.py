@@ -1,9 +1,9 @@
 """Two racetracks with and without a trench between them: tetrahedra by gmsh and scikit-fem, brought as matrices.
 
-A racetrack has no axis and a trench cuts the stack, so that no axisymmetric field serves. Any finite elements do: their
+A trench cuts the stack, so that neither an axisymmetric field nor a layout serves. Any finite elements do: their
 matrices make a StateSpace, which is reduced, certified and driven like every other model.
 
-python examples/racetrack.py [picture.png]
+python examples/trench.py [picture.png]
 """
 
 import sys
@@ -117,4 +117,4 @@ for trench, colour in ((False, "#0072B2"), (True, "#D55E00")):
 axes[0].set(xlabel="time (µs)", ylabel="rise of the other racetrack (K/W)")
 axes[1].set(xlabel="time (µs)", ylabel="rise beside a self-pulsing racetrack (K)")
 axes[0].legend(frameon=False, fontsize="small")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "racetrack.png", dpi=220)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "trench.png", dpi=220)
