@@ -19,7 +19,7 @@ from thermofem.arrays import Array, ArrayLike
 
 EPSILON = 1e-8  # 1e23/m^3, eps of S(N): 1e15 carriers per m^3, six orders below the densities that matter
 STEP = 1e-30  # along the imaginary axis: its square is lost beside any density or energy
-PASSES = 60  # of Newton's method for steady carriers, most
+NEWTON_STEPS = 60  # most, for steady carriers
 BALANCED = 1e-12  # of the generation: what is lost more or less
 
 
@@ -73,7 +73,7 @@ def steady_carriers(made: ArrayLike, law: Any) -> tuple[Array, Array]:
     far = root + np.abs(p)  # neither form of the root subtracts
     large = np.divide(far, 2 * b, out=np.zeros(np.broadcast(far, b).shape), where=b > 0)
     N = np.where(p > 0, 2 * k / far, large)
-    for _ in range(PASSES):
+    for _ in range(NEWTON_STEPS):
         rate, by_N = recombination(N, law)
         if np.all(np.abs(rate - made) <= BALANCED * made):
             break
