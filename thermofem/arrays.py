@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.sparse import csr_matrix
 
 Array: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
@@ -24,6 +25,16 @@ def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> ND
     pieces = np.array_split(x.ravel(), count)
     values = [function(piece[:, None]) for piece in pieces]
     return np.concatenate(values).reshape(x.shape)
+
+
+def scattered(local: Array, rows: Indices, columns: Indices, count: int) -> csr_matrix:
+    """Sum of small matrices, each at its rows and columns of a sparse (count, count) matrix.
+
+    local [shape (m, a, b)]; rows [shape (m, a)]; columns [shape (m, b)].
+    """
+    at_rows = np.broadcast_to(rows[:, :, None], local.shape).ravel()
+    at_columns = np.broadcast_to(columns[:, None, :], local.shape).ravel()
+    return csr_matrix((local.ravel(), (at_rows, at_columns)), shape=(count, count))
 
 
 def runs_of(holds: Mask) -> list[tuple[int, int]]:

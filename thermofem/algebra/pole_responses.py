@@ -68,15 +68,18 @@ def _piece(rate: Array, coefficients: Array, u: Array) -> tuple[Array, Array]:
     """
     y = np.multiply.outer(rate, u)
     if coefficients[:, 2:].any():
-        return np.exp(-y), np.einsum("mk,mnk->nk", coefficients.T * u ** np.arange(1, 5)[:, None], phi(y))
-    decay = np.expm1(-y)
-    gained = np.multiply.outer(-1 / rate, coefficients[:, 0])
-    gained *= decay
-    if coefficients[:, 1].any():
+        weights = coefficients.T * u ** np.arange(1, 5)[:, None]
+        return np.exp(-y), np.einsum("mk,mnk->nk", weights, phi(y))
+    constant, slope = coefficients[:, :2].T
+    lost = np.expm1(-y)  # exp(-y) - 1
+    gained = np.multiply.outer(-1 / rate, constant)
+    gained *= lost
+    if slope.any():
         series = u * u * (0.5 - y / 6 + y * y / 24 - y**3 / 120)
-        gained += coefficients[:, 1] * np.where(y < 1e-3, series, (u + decay / rate[:, None]) / rate[:, None])
-    decay += 1
-    return decay, gained
+        ramp = (u + lost / rate[:, None]) / rate[:, None]
+        gained += slope * np.where(y < 1e-3, series, ramp)
+    lost += 1
+    return lost, gained
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:

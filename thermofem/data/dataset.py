@@ -273,7 +273,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     scale = max(highest, np.finfo(float).tiny)
     misfit = np.minimum(np.abs(power - right), np.abs(power - left))
     wrong = misfit > 1e-6 * scale
-    if np.any(wrong):
+    if wrong.any():
         k = int(np.argmax(wrong))
         raise InputError(
             f"data.power[{k}] = {power[k]:g} W contradicts the waveform attribute ({right[k]:g} W); drop one of them"

@@ -69,20 +69,20 @@ def check_field(data: xr.Dataset) -> xr.Dataset:
 
 def _points(data: xr.Dataset) -> np.ndarray:
     """Vertices as (r, z, 0) in m, shape (vertices, 3)."""
-    r, z = data["r"].values, data["z"].values
-    return np.column_stack([r, z, np.zeros(r.size)])
+    r = data["r"].values
+    return np.column_stack([r, data["z"].values, np.zeros(r.size)])
 
 
 def _triangles(data: xr.Dataset) -> list[tuple[str, Any]]:
     """Triangles in the form that meshio takes: a cell type and integer indices of corners."""
-    return [("triangle", np.asarray(data["triangles"].values, dtype=np.int64))]
+    return [("triangle", data["triangles"].values.astype(np.int64))]
 
 
 def _write_vtu(data: xr.Dataset, path: Path) -> None:
     """Write the temperature field of the only time as .vtu."""
     import meshio
 
-    field = np.asarray(data["field"].isel(field_time=0).values, dtype=float)
+    field = data["field"].isel(field_time=0).values.astype(float)
     mesh = meshio.Mesh(_points(data), _triangles(data), point_data={NAME: field})
     mesh.write(path, file_format="vtu")
 

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import Array, ArrayLike, Indices, Mask, NDArray
+from ..arrays import Array, ArrayLike, Indices, Mask, NDArray, scattered
 from ..mesh.triangles import Mesh, radii
 
 if TYPE_CHECKING:
@@ -88,10 +88,7 @@ class Side:
     def matrix(self, other: Side, values: Array) -> Any:
         """Sparse matrix of integrals of values u v over the facets, u on this side (columns), v on ``other`` (rows)."""
         local = np.einsum("faq,fbq,q,qf->fab", other.shape, self.shape, self.weight, values, optimize=True)
-        rows = np.broadcast_to(other.dofs[:, :, None], local.shape).ravel()
-        columns = np.broadcast_to(self.dofs[:, None, :], local.shape).ravel()
-        count = self.basis.N
-        return csr_matrix((local.ravel(), (rows, columns)), shape=(count, count))
+        return scattered(local, other.dofs, self.dofs, self.basis.N)
 
 
 @cache

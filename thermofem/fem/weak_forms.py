@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import skfem
-from scipy.sparse import csr_matrix
 from skfem.quadrature import get_quadrature
 
 from ..algebra.factor import Pencil
-from ..arrays import Array, ArrayLike, Indices, Mask
+from ..arrays import Array, ArrayLike, Indices, Mask, scattered
 from ..geometry.section_parts import AMBIENT
 from ..materials.material_laws import Law, check_positive
 from ..mesh.triangles import radii
@@ -204,9 +203,7 @@ def element_capacity(basis: Any, heat_capacity: ArrayLike, points: Any = None) -
 def assembled(basis: Any, elements: Array, local: Any = slice(None)) -> Any:
     """Assemble the matrices of all triangles, or the rows of their ``local`` functions, to a sparse matrix."""
     dofs = basis.element_dofs.T
-    rows = np.broadcast_to(dofs[:, local, None], elements.shape).ravel()
-    columns = np.broadcast_to(dofs[:, None, :], elements.shape).ravel()
-    return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
+    return scattered(elements, dofs[:, local], dofs, basis.N)
 
 
 def maps(grid: Grid, points: Any = None) -> tuple[Array, Array, Array]:

@@ -195,7 +195,7 @@ class CrossSection:
         """
         if self.kind != "straight":
             return False
-        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > section_parts.SAME_POINT]
+        beside = [p for p in self.parts if abs(2 * p.centre) > section_parts.SAME_POINT]
         if len(beside) % 2:
             return False
         for part, image in zip(beside[::2], beside[1::2], strict=True):

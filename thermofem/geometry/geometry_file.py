@@ -123,9 +123,7 @@ def fields(text: str) -> dict[str, Any]:
     values["parts"] = _each(top, "part", _PART, _part, ("name", "material", "bottom", "height"))
     values["interfaces"] = _each(top, "interface", _INTERFACE, Interface, ("part", "resistance"))
     values["probes"] = _each(top, "probe", _PROBE, Probe, ("name", "part"))
-    values["bottom"] = _boundary(boundary, "bottom", section_parts.ISOTHERMAL)
-    values["top"] = _boundary(boundary, "top", section_parts.INSULATED)
-    values["outer"] = _boundary(boundary, "outer", section_parts.INSULATED)
+    values |= {side: _boundary(boundary, side) for side in _BOUNDARY}
     materials = top.get("material", {})
     values["materials"] = tuple(_material(name, item) for name, item in materials.items())
     values["ambient"] = top.get("ambient", 293.15)
@@ -176,10 +174,9 @@ def _light(table: dict[str, Any], parts: list[dict[str, Any]]) -> Guide:
     return Guide(**{"part": default, **values})
 
 
-def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
-    value = table.get(side)
-    if value is None:
-        return default
+def _boundary(table: dict[str, Any], side: str) -> Boundary:
+    """Make the boundary of one side; by default the bottom is held and the others are insulated."""
+    value = table.get(side, "isothermal" if side == "bottom" else "insulated")
     if isinstance(value, dict):
         values = read_table(value, _COEFFICIENT, f"boundary {side}")
         if len(values) != 1:

@@ -189,14 +189,14 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
         return _numbers(geometry, fields(files.to_toml(new)))
 
     now = after(0)
-    next_ = after(1)
-    last = after(2)
+    one_step = after(1)
+    two_steps = after(2)
     ten_digits = np.vectorize(lambda x: float(f"{x:.10g}"))  # beyond is round-off of the numbers, 1e-16, over the step
     slopes: dict[str, dict[Any, Any]] = {kind: {} for kind in now}
     for kind, numbers in now.items():
         for key, f0 in numbers.items():
-            f1 = next_[kind][key]
-            f2 = last[kind][key]
+            f1 = one_step[kind][key]
+            f2 = two_steps[kind][key]
             slope = ten_digits((4 * f1 - f2 - 3 * f0) / (2 * step))[()]
             if np.any(slope):
                 slopes[kind][key] = slope
@@ -286,9 +286,7 @@ def _meshed(geometry: CrossSection, part: Part, outline: Array) -> tuple[str, Ar
     if not geometry.mirrored:
         return part.name, outline
     image = outline[[1, 0, 3, 2]] * [-1, 1]
-    if (
-        abs(part.inner_radius + part.outer_radius) <= SAME_POINT
-    ):  # its own image: corners on the mirror plane stay there
+    if abs(2 * part.centre) <= SAME_POINT:  # its own image: corners on the mirror plane stay there
         moves = [[0, 1], [1, 1], [1, 1], [0, 1]]
         return part.name, (outline + image) / 2 * moves
     if part.name in outlines(geometry):

@@ -90,14 +90,9 @@ class Polynomial:
         checks.plain(self)
         hint = "a table of temperature and values takes more"
         coefficients = checks.array("polynomial", self.coefficients, hint=hint)
-        checks.between(
-            # 10.0: 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
-            "polynomial: largest coefficient",
-            np.abs(coefficients).max(),
-            0,
-            10.0,
-            unit="1/K, 1/K^2, ...",
-        )
+        largest = np.abs(coefficients).max()
+        # T^3 about 1 K has 3, and far more than 10 keeps steps from converging
+        checks.between("polynomial: largest coefficient", largest, 0, 10, unit="1/K, 1/K^2, ...")
         object.__setattr__(self, "coefficients", tuple(map(float, coefficients)))
         checks.between("reference", self.reference, 1, 3000, unit="K")
 

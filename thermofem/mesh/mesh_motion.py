@@ -28,10 +28,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from scipy.sparse import csr_matrix
 
 from ..algebra.factor import factorize
-from ..arrays import Array, Indices, Mask, NDArray
+from ..arrays import Array, Indices, Mask, NDArray, scattered
 from ..checks import InputError
 from ..geometry.regions import CUT_GRID, distance, outlines
 from ..materials.material_library import VOID
@@ -61,7 +60,8 @@ class Motion:
         points, self._place = np.unique(mesh.points, axis=0, return_inverse=True)  # each place once
         self._place = self._place.ravel()
         self._once = replace(mesh, points=points, triangles=self._place[mesh.triangles])
-        self._cut, self.corners = geometry.subdivision, geometry.subdivision.corners
+        self._cut = geometry.subdivision
+        self.corners = self._cut.corners
         self._held, self._shares, self._ends = self._outline()
 
     def _outline(self) -> tuple[Mask, Array, Indices]:
@@ -196,10 +196,7 @@ def _stiffness(mesh: Mesh) -> Any:
     area = signed_areas(mesh.points, mesh.triangles)
     softness = 4 * area ** (1 + SOFT / 2)
     local = np.einsum("eix,ejx->eij", edges, edges) / softness[:, None, None]
-    rows = np.broadcast_to(mesh.triangles[:, :, None], local.shape).ravel()
-    columns = np.broadcast_to(mesh.triangles[:, None, :], local.shape).ravel()
-    count = len(mesh.points)
-    return csr_matrix((local.ravel(), (rows, columns)), shape=(count, count))
+    return scattered(local, mesh.triangles, mesh.triangles, len(mesh.points))
 
 
 @dataclass(frozen=True)
@@ -231,8 +228,8 @@ class CornerMotion:
     """
 
     def __init__(self, geometry: CrossSection, roles: Collection[str]) -> None:
-        self.geometry, self.roles = geometry, set(roles)
-        self.roles |= {interface.part for interface in geometry.interfaces}
+        self.geometry = geometry
+        self.roles = {*roles, *(interface.part for interface in geometry.interfaces)}
         self.roles |= {probe.part for probe in geometry.probes}
         self.edges = geometry.subdivision
         self.outlines = outlines(geometry)

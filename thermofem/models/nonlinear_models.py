@@ -353,23 +353,29 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
 
         Raises InputError: no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
         """
-        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(checks.numbers("power", power)), len(self.inputs))
+        powers = np.atleast_1d(checks.numbers("power", power))
+        heat = self.linear.B @ np.broadcast_to(powers, len(self.inputs))
         x = np.zeros(self.order)
-        last = np.inf
+        half_ambient = 0.5 * self.flow.ambient  # K
+        size_before = np.inf
         for _ in range(60):
             try:
-                change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
+                solve = factorize_general(self.flow.jacobian(x))
             except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
                 break
+            change = solve(heat - self.flow(x))
             size = np.abs(change).max()
             if not np.isfinite(size):
                 break
-            lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
-            x = x + change * min(1.0, lowest / max(size, lowest) if change.min() < -lowest else 1.0)
-            if size <= 1e-12 * np.abs(x).max() or (size <= 1e-9 * np.abs(x).max() and size >= last / 2):
+            # a step that would cool some place by more than half of the ambient temperature is cut short
+            share = half_ambient / size if change.min() < -half_ambient else 1.0
+            x = x + share * change
+            largest = np.abs(x).max()
+            stagnates = size <= 1e-9 * largest and size >= size_before / 2
+            if size <= 1e-12 * largest or stagnates:
                 self.flow.slopes(x, positive=True)
                 return x
-            last = size
+            size_before = size
         raise InputError(
             f"power = {power} W: no steady state is found; does the conductivity fall so "
             "fast with temperature that the heat cannot leave?"

@@ -79,8 +79,8 @@ class Stepper:
             raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")
         self.E = csr_matrix(system.E)
         self.A = csr_matrix(system.A)
-        self.B = np.asarray(system.B)
-        self.C = np.asarray(system.C)
+        self.B = system.B
+        self.C = system.C
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.solves = 0
         self._factorized_before = self.factors.factorizations

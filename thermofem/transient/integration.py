@@ -118,7 +118,7 @@ def integrate(
     """
     times, kept = check_run(times, snapshots, rtol)
     stepper = _stepper(system, waves, rtol, factors)
-    x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
+    x = np.zeros(len(stepper.B)) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x, progress)
     stop = max(times[-1], *kept[-1:], 0.0)
     edges = stepper.edges(stop, rtol)

@@ -120,21 +120,6 @@ class NonlinearEquations:
     flow: NodalOperator
     content: NodalOperator
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the heated parts."""
-        return tuple(self.linear.inputs)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the read parts."""
-        return tuple(self.linear.outputs)
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.linear.order)
-
 
 def factorize_general(matrix: Any) -> Any:
     """Factorize a sparse matrix that need not be symmetric, and return ``solve(right-hand side)``."""
@@ -240,9 +225,7 @@ class Curvature:
 def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
     """Curvature for the k fields of a basis."""
     V = basis.vectors
-    flow = np.zeros((V.shape[1],) * 3)
-    content = np.zeros((V.shape[1],) * 3)
-    inverse = np.zeros((V.shape[1],) * 3)
+    flow, content, inverse = np.zeros((3, *[basis.rate.size] * 3))
     T0 = system.flow.ambient
     for law, at, block in system.flow.parts():
         flow += _chord(law, T0) * cubic_form(block.T @ V, V[at])
@@ -255,20 +238,23 @@ def curvature(system: NonlinearEquations, basis: Basis) -> Curvature:
 
 
 def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
-    """Return the quadratic part of F(V z) - K V z as a function of products z z^T, (m, k, k) to (m, n)."""
+    """Return the heat flow F(V z) - K V z in W, to second order in z, as a function of the matrices z z^T.
+
+    Each law of k adds its chord coefficient times its columns of F times (V z)^2 at its nodes. The function takes m
+    matrices, shape (m, k, k), and returns shape (m, n).
+    """
     n, k = V.shape
-    parts = []
-    for law, nodes, block in system.flow.parts():
-        parts.append((_chord(law, system.flow.ambient) * block, nodes))
+    T0 = system.flow.ambient
+    terms = [(nodes, _chord(law, T0) * columns) for law, nodes, columns in system.flow.parts()]
 
     def flow(products: Array) -> Array:
         m = len(products)
-        columns = products.transpose(1, 0, 2).reshape(k, m * k)
-        wide = (V @ columns).reshape(n, m, k)  # one product of matrices
-        squares = np.einsum("nmk,nk->nm", wide, V)
+        side_by_side = products.transpose(1, 0, 2).reshape(k, m * k)
+        Vzz = (V @ side_by_side).reshape(n, m, k)  # one product of matrices
+        squares = np.einsum("nmk,nk->nm", Vzz, V)  # (V z)^2 at every node
         total = np.zeros_like(squares)
-        for block, nodes in parts:
-            total = total + block @ squares[nodes]
+        for nodes, columns in terms:
+            total += columns @ squares[nodes]
         return total.T
 
     return flow

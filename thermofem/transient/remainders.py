@@ -132,7 +132,7 @@ class NonlinearRemainder(_Parts):
         self.curved = curvature(system, basis)
         self.flow = flow_of(system, basis.vectors)
         self.loads = np.column_stack([self.KV, self.forcing, self.EV])
-        self.readers = np.stack([self.stepper.solve(0.0, row) for row in np.asarray(linear.C)])
+        self.readers = np.stack([self.stepper.solve(0.0, row) for row in linear.C])
 
     def begin(self, x: Array, z: Array, r: Array, source: Array) -> Array:
         """Slope at the start from a field x = V z + r with the powers and amplitudes ``source``."""
