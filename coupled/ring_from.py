@@ -108,7 +108,7 @@ class MadeRing:
         rows = []
         for variation in varied:
             slopes = mode_derivatives.slopes(self.mode, variation, **self._rules)
-            slopes["loss"] = variation.change.optical.get(("light", "loss"), 0.0)
+            slopes["loss"] = variation.change.of_optics("light", "loss")
             for k, bus in enumerate(self._buses):
                 slopes[f"kappa {k}"] = bus.coupling.derivative(variation, bus.name) if bus.coupling else 0.0
             moved_numbers = {name: value + 1j * STEP * slopes[name] for name, value in numbers.items()}

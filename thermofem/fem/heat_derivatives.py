@@ -32,7 +32,7 @@ from ..algebra.krylov import Rounds, rates
 from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, Complex, Indices
 from ..data.dataset import describe
-from ..geometry.parameter_paths import Change, change
+from ..geometry.parameter_paths import Change, changes_of
 from ..geometry.section_parts import LIGHT
 from ..mesh.mesh_motion import vertex_velocities
 from ..optics.mode_derivatives import light_slope
@@ -99,7 +99,7 @@ def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str
 def _source(heat: HeatProblem, change: Change) -> Array:
     """Derivative of the place (r, z) of the heat (`surfaces.source_of`) in m per unit of the parameter, shape (2,)."""
     part = heat.geometry.first_heated
-    velocity = change.outlines.get(part.name, np.zeros((4, 2)))
+    velocity = change.corners(part.name)
     moves = part.straight and not heat.geometry.mirrored
     r = velocity[:, 0].mean() * moves
     z = (velocity[0, 1] + velocity[3, 1]) / 2
@@ -324,9 +324,7 @@ def tangents_of(
     heat: HeatProblem, parameters: Parameter | Sequence[Parameter], channel: tuple[str, str]
 ) -> tuple[list[Change], list[Tangent]]:
     """The `Change` of each parameter, and the derivatives of the matrices with respect to it."""
-    several = [parameters] if isinstance(parameters, str) else parameters
-    checked = checks.instances("parameters", several, str, tuple, list)
-    changes = [change(heat.geometry, parameter) for parameter in checked]
+    changes = changes_of(heat.geometry, parameters)
     checks.unique("parameters", [each.name for each in changes])
     velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, channel[1]))
     return changes, [tangent(heat, *pair, channel) for pair in zip(changes, velocities, strict=True)]

@@ -166,6 +166,14 @@ class Change:
         """Whether any outline moves."""
         return bool(self.outlines)
 
+    def corners(self, name: str) -> Array:
+        """Velocities of the corners of a layer or part, shape (4, 2), in m per unit; zero where it does not move."""
+        return self.outlines.get(name, np.zeros((4, 2)))
+
+    def of_optics(self, owner: str, key: str) -> float:
+        """Slope of a number of ``optical``; 0 where it does not change."""
+        return self.optical.get((owner, key), 0.0)
+
 
 def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     """Derivatives of outlines and coefficients with respect to a parameter.
@@ -203,6 +211,13 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     if not any(slopes.values()):
         raise InputError(f"path {' + '.join(paths)!r} has no derivative")
     return Change(" + ".join(paths), values[0], units[0], **slopes)
+
+
+def changes_of(geometry: CrossSection, parameters: Any) -> list[Change]:
+    """The `Change` of every parameter of a list; one path stands for a list of one."""
+    several = [parameters] if isinstance(parameters, str) else parameters
+    checked = checks.instances("parameters", several, str, tuple, list)
+    return [change(geometry, parameter) for parameter in checked]
 
 
 def _value(geometry: CrossSection, table: dict[str, Any], path: str) -> float:

@@ -297,7 +297,7 @@ class CornerMotion:
         lines = []
         for name, side in self._drawing[k]:
             outline = self.outlines[name]
-            velocity = change.outlines.get(name, np.zeros((4, 2)))
+            velocity = change.corners(name)
             after = (side + 1) % 4
             start = outline[side]
             inward = outline[after] - start

@@ -108,8 +108,8 @@ class Coupling:
 
         bus: name of the [[bus]], whose gap and straight section the parameter may be.
         """
-        gap = variation.change.optical.get((bus, "gap"), 0.0)
-        straight = variation.change.optical.get((bus, "straight"), 0.0)
+        gap = variation.change.of_optics(bus, "gap")
+        straight = variation.change.of_optics(bus, "straight")
         outer = self.mode.light.surroundings.outermost[1]
         wall = 0.0
         if outer.name in variation.change.outlines:

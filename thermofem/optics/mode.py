@@ -379,8 +379,7 @@ class Mode:
         caustic = 2 * (self.n_eff / light.surroundings.continuum - 1)  # twice as far as where the field radiates
         caustic = min(0.15, max(caustic, 0.0))
         outer = max(2e-6, caustic * self.radius + LEAST_DISTANCE)
-        _, foot = light.outline.min(axis=0)
-        _, top = light.outline.max(axis=0)
+        _, _, foot, top = light.surroundings.bounds
         box = light.box(inner, outer + DEPTH, below + DEPTH, above + DEPTH)
         if light.geometry.top_z > top:  # else air begins there
             box = (*box[:3], min(box[3], light.geometry.top_z))
@@ -470,8 +469,7 @@ class Mode:
         light = self.light
         left, right, below, above = self._asides
         low, high = light.surroundings.far_span
-        foot = float(light.outline[:, 1].min())
-        top = float(light.outline[:, 1].max())
+        _, _, foot, top = light.surroundings.bounds
         if self.leaky and low > light.geometry.bottom_z:
             below = max(below, foot - low)
         if self.leaky:

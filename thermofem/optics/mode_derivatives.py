@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks
 from ..arrays import Array
-from ..geometry.parameter_paths import Change, change
+from ..geometry.parameter_paths import Change, changes_of
 from ..geometry.section_parts import LIGHT
 from ..materials.material_laws import constant_index, fixed_index
 from ..materials.material_library import Material
@@ -114,19 +113,16 @@ class Variation:
     @property
     def wavelength(self) -> float:
         """Change of the wavelength in m per unit of the parameter."""
-        return self.change.optical.get((LIGHT, "wavelength"), 0.0)
+        return self.change.of_optics(LIGHT, "wavelength")
 
     @property
     def centre(self) -> float:
         """Velocity in m per unit of r = R, the origin of windows."""
         inner, outer = self.light.surroundings.outermost
-        at_rest = np.zeros((4, 2))
-        outer_corners = self.change.outlines.get(outer.name, at_rest)
-        outer_wall = float(outer_corners[1:3, 0].mean())
+        outer_wall = float(self.change.corners(outer.name)[1:3, 0].mean())
         if self.light.at_edge:
             return outer_wall
-        inner_corners = self.change.outlines.get(inner.name, at_rest)
-        inner_wall = float(inner_corners[[0, 3], 0].mean())
+        inner_wall = float(self.change.corners(inner.name)[[0, 3], 0].mean())
         return (inner_wall + outer_wall) / 2
 
     def on(self, window: Window) -> Array:
@@ -145,8 +141,8 @@ class Variation:
         """Window after a step ``h`` of the parameter."""
 
         def after(material: Material) -> Material:
-            n = h * self.change.optical.get((material.name, "index"), 0.0)
-            slope = h * self.change.optical.get((material.name, "thermo_optic"), 0.0)
+            n = h * self.change.of_optics(material.name, "index")
+            slope = h * self.change.of_optics(material.name, "thermo_optic")
             if n:
                 before = fixed_index(material.index) or 1.0
                 material = replace(material, index=constant_index(before + n))
@@ -195,10 +191,7 @@ def _sides(corners: Array) -> Array:
 
 def variations(light: Light, parameters: Sequence[str | Sequence[str]]) -> list[Variation]:
     """Changes of a mode's geometry with parameters given by paths; the paths in a tuple change together."""
-    if isinstance(parameters, str):
-        parameters = [parameters]
-    paths = checks.instances("parameters", parameters, str, tuple, list)
-    return _variations(light, [change(light.geometry, path) for path in paths])
+    return _variations(light, changes_of(light.geometry, parameters))
 
 
 def _variations(light: Light, changes: Sequence[Change]) -> list[Variation]:

@@ -112,13 +112,12 @@ class Light:
 
     def box(self, left: float, right: float, below: float, above: float) -> Box:
         """Box (left, right, bottom, top) in m that extends by these lengths beyond the core, cut to its limits."""
-        inner, foot = self.outline.min(axis=0)
-        outer, top = self.outline.max(axis=0)
-        end = self.surroundings.limits[0]
-        start = max(float(inner) - left, end[0])
-        stop = min(float(outer) + right, end[1])
-        bottom = max(float(foot) - below, end[2])
-        roof = min(float(top) + above, end[3])
+        inner, outer, foot, top = self.surroundings.bounds
+        ends, _ = self.surroundings.limits
+        start = max(inner - left, ends[0])
+        stop = min(outer + right, ends[1])
+        bottom = max(foot - below, ends[2])
+        roof = min(top + above, ends[3])
         return start, stop, bottom, roof
 
     @property
@@ -143,7 +142,8 @@ class Light:
     def _cut(self, reaches: Sequence[float], farthest: float) -> Window:
         """Triangles up to ``reaches`` from the core on the four sides, and at most ``farthest`` outwards; all in m."""
         left, right, below, above = reaches
-        stack = self.geometry.top_z - float(self.outline[:, 1].max())
+        _, _, _, top = self.surroundings.bounds
+        stack = self.geometry.top_z - top
         if stack > self.surroundings.reach("top", self._weak, ROOF):
             above = min(above, stack)
         right = min(right, farthest)

@@ -157,6 +157,13 @@ class Surroundings:
         high = np.array([p.outline()[2:, 0] for p in highest])
         return np.array([(low.min(), foot), (low.max(), foot), (high.max(), top), (high.min(), top)])
 
+    @cached_property
+    def bounds(self) -> Box:
+        """Left, right, foot and top of the outline in m."""
+        left, foot = self.outline.min(axis=0).tolist()
+        right, top = self.outline.max(axis=0).tolist()
+        return left, right, foot, top
+
     @property
     def outermost(self) -> tuple[Part, Part]:
         """The members at the inner and at the outer wall."""
@@ -228,8 +235,7 @@ class Surroundings:
 
         far: whether sideways columns go beyond the barriers, up to a `bulk` layer.
         """
-        foot = float(self.outline[:, 1].min())
-        top = float(self.outline[:, 1].max())
+        _, _, foot, top = self.bounds
         below, above = self._ends
         if side == "bottom":
             steps = [(min(s.stop, foot) - s.start, s.n or 1.0) for s in below if s.start < foot]
@@ -244,10 +250,11 @@ class Surroundings:
 
     def _columns(self, side: str, span: tuple[float, float]) -> list[tuple[float, float]]:
         """Widths in m and n_s of the columns from the outline outwards, between two heights."""
-        start = float(self.outline[:, 0].max())
+        left, right, _, _ = self.bounds
+        start = right
         end = self.geometry.outer_radius
         if side == "left":
-            start = float(self.outline[:, 0].min())
+            start = left
             end = 0.0 if self.geometry.kind == "ring" else -end
         low, high = sorted((start, end))
         inside = [x for x in self.walls if low < x < high]
@@ -263,10 +270,8 @@ class Surroundings:
         """r or x in m of the left end of windows: near the axis, inside of a disc's rim, or the end of a section."""
         if self.geometry.kind != "ring":
             return -self.geometry.outer_radius
-        left = float(self.outline[:, 0].min())
-        if left:
-            return 0.02 * left
-        return float(self.outline[:, 0].max()) - self.rim_depth
+        left, right, _, _ = self.bounds
+        return 0.02 * left if left else right - self.rim_depth
 
     @property
     def rim_depth(self) -> float:
@@ -275,7 +280,7 @@ class Surroundings:
         Source: a whispering-gallery field is Ai(x - a_q) near the edge; M. L. Gorodetsky, A. E. Fomin, IEEE J. Sel.
         Top. Quantum Electron. 12, 33 (2006).
         """
-        edge = float(self.outline[:, 0].max())
+        _, edge, _, _ = self.bounds
         order = self.ceiling * self.k0 * edge
         depth = AIRY * edge / (2 ** (1 / 3) * order ** (2 / 3))
         return min(depth, 0.98 * edge)
@@ -283,10 +288,10 @@ class Surroundings:
     @property
     def lowest(self) -> float:
         """Index below which no mode is looked for: the `floor`, or where the caustic of a disc leaves its rim."""
-        r = self.outline[:, 0]
-        if self.geometry.kind != "ring" or r.min() > 0:
+        left, edge, _, _ = self.bounds
+        if self.geometry.kind != "ring" or left > 0:
             return self.floor
-        inside = RADIAL / AIRY * self.rim_depth / float(r.max())
+        inside = RADIAL / AIRY * self.rim_depth / edge
         return max(self.floor, self.ceiling * (1 - inside))
 
     @cached_property
@@ -352,8 +357,7 @@ class Surroundings:
 
         Raises InputError: a material without an index touches the part.
         """
-        left, bottom = self.outline.min(axis=0)
-        right, top = self.outline.max(axis=0)
+        left, right, bottom, top = self.bounds
         box = [self.inner_end, self.geometry.outer_radius, self.geometry.bottom_z, math.inf]
         away = {}
         members = {part.name for part in self.members}
@@ -369,11 +373,11 @@ class Surroundings:
                 gaps = (left - r1, r0 - right, bottom - z1, z0 - top)
                 side = int(np.argmax(gaps))
                 if gaps[side] >= 0:
-                    away[name] = (SIDES[side], float(gaps[side]))
+                    away[name] = (SIDES[side], gaps[side])
                     nearer = max if side in (0, 2) else min
                     end = (r1, r0, z1, z0)[side]
                     box[side] = nearer(box[side], end)
-        left, right, bottom, top = map(float, box)
+        left, right, bottom, top = box
         if self.geometry.mirrored:
             left = -right
         return (left, right, bottom, top), away
