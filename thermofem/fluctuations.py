@@ -39,7 +39,6 @@ from .models.state_space import MOST_STATES, eigenmodes
 
 CERTIFIED = 1e-4  # of Re Z at every frequency, where the space of a heat problem stops growing
 NOISE_ROUND_OFF = 1e-9  # of Re Z: what solves leave (measured 1e-12)
-MOST_ROUNDS = 15  # of four solves each; the reference strip needs 5
 TAKEN = "a HeatProblem, a Foster network, a StateSpace, or coupled.linearize(...) is needed"
 
 
@@ -215,7 +214,7 @@ def _certified(system: StateSpace, weight: Array, omega: Array) -> Spectrum:
     """
     port = StateSpace(system.E, system.A, weight[:, None], weight[None])
     space = four_shifts(port)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(15):  # rounds of four solves each; the reference strip needs 5
         space.grow()
         basis = space.basis()
         heating = basis.heating[:, 0]

@@ -8,8 +8,6 @@ import numpy as np
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
 
-BLOCK = 100_000  # numbers of one evaluation, so that many times and poles need no more than 100 MB
-
 
 def phi(y: Array) -> Array:
     """phi_m(y) = int_0^1 exp(-y (1 - u)) u^m du for m = 0..3 and y >= 0, shape (4, *y.shape).
@@ -56,8 +54,8 @@ def cubic_pole_responses(
 
 
 def _blocks(count: int, poles: int) -> list[slice]:
-    """Slices of ``count`` pieces or times, in each of which (slice, poles) arrays stay below `BLOCK` numbers."""
-    step = BLOCK // poles + 1
+    """Slices of ``count`` pieces or times, in each of which (slice, poles) arrays stay below 100,000 numbers."""
+    step = 100_000 // poles + 1  # many times and poles then need no more than 100 MB
     return [slice(first, min(first + step, count)) for first in range(0, count, step)]
 
 

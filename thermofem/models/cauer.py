@@ -27,7 +27,6 @@ from .contract import Delegates, ThermalModel, columns, keep_names, names, parts
 from .foster import Foster, linear_poles
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
-MOST_POLES = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ def cauer(model: ThermalModel) -> Cauer:
     Raises
     ------
     InputError
-        a network that is not passive, or whose R are all zero; more than `MOST_POLES` poles, or so many so near each
+        a network that is not passive, or whose R are all zero; more than 200 poles, or so many so near each
         other that R or C of the ladder exceed 1e100 (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out,
         equal time constants merged.
     """
@@ -120,7 +119,8 @@ def cauer(model: ThermalModel) -> Cauer:
         raise checks.InputError("model has no ladder: it is not passive (an R is negative), or never warms up (all 0)")
     tau, group = np.unique(model.tau[warms], return_inverse=True)
     R = np.bincount(group, weights=model.R[warms])
-    checks.integer("poles of the ladder", R.size, 1, MOST_POLES, hint=FEWER)
+    # the time goes with the fourth power of the number of poles: 4 s for 200
+    checks.integer("poles of the ladder", R.size, 1, 200, hint=FEWER)
     ladder_R = []
     ladder_C = []
     with localcontext() as context:

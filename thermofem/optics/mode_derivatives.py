@@ -6,7 +6,7 @@ The vertices move with the outlines as for the heat (`fem.heat_derivatives`), an
 
 dx, free of x itself, is solved once for each parameter with one factorization. Everything else is a function of the
 vertices, the indices, the wavelength, x and beta^2, without a solve: its derivative along their changes is a central
-difference, with an error of `STRAIN` squared.
+difference, with an error of 1e-8.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("thermofem")
 
-STRAIN = 1e-4  # largest strain, or relative change of a wavelength or an index, of the differences
 ABOUT = {
     "n_eff": ("1", "effective index"),
     "n_g": ("1", "group index"),
@@ -180,7 +179,7 @@ class Variation:
             wavelength = mode.wavelength + h * self.wavelength
             return replace(mode, wavelength=wavelength, window=window, space=space)
 
-        h = STRAIN / largest
+        h = 1e-4 / largest  # by which no strain, wavelength or index changes more than 1e-4
         return h, (at(h), at(-h))
 
 
