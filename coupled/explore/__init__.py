@@ -160,8 +160,9 @@ def explore(
         start |= {f"p{k}": p["scale"] * (p["low"] + p["high"]) / 2 for k, p in enumerate(moved)}
         member = {"name": "member of the family", "R": grid["R"][0], "tau": grid["tau"]}
         shown.append(member | {"coefficient": 0.0, "family": True})
-        start["model"] = len(shown) - 1
-        judge = start["model"] if judge is None else judge
+        last = len(shown) - 1
+        start["model"] = last
+        judge = last if judge is None else judge
     section = None
     if heat is not None and reductions:
         section = section_of(heat, [*named.values()][reductions[0]], parts)
