@@ -25,6 +25,9 @@ from .resonator import RingResonator
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 SAME_TIME = 1e-13  # of a run: nearer breakpoints are one; sums of hundreds of delays differ by less
+LONGEST = 1.0  # s, of a run
+MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
+WATT = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,12 +260,6 @@ def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
         end = power.edges[-1]
         last_lit.append(end if power(end) > 0 else last_change(power))
     return sorted(last_lit)[-2]
-
-
-LONGEST = 1.0  # s, of a run
-MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
-
-WATT = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
 
 
 def check_ring(ring: RingResonator) -> None:

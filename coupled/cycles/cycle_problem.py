@@ -37,6 +37,9 @@ BACK, REPEATS = 0.02, 1e-4  # of the largest heat, within which a trace is back,
 DIFFER = 20  # pulses after which those of a doubled cycle differ clearly
 PATIENT = 30  # turns at most by which a trace must have come nearer to its cycle
 SLOW = ", such as that of a model without its slowest pole"
+LONGEST_TRANSIENT = 2e6  # ns
+SLOWEST, MOST_TRANSIENT = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
+LASER = ("power", "detuning")
 
 
 class RestError(InputError):
@@ -287,10 +290,6 @@ def distance(system: Shooting, y: Array, other: Array) -> float:
     return float(np.abs(heat - reference).max() / scale)
 
 
-LONGEST_TRANSIENT = 2e6  # ns
-SLOWEST, MOST_TRANSIENT = 30, 1e8  # of the slowest time constant, where that is longer; ns, at most
-
-
 @dataclass(frozen=True, eq=False)
 class CycleProblem:
     """A ring with its thermal model under constant power and detuning, of which cycles are computed.
@@ -367,9 +366,6 @@ class CycleProblem:
             slow=self.longest >= MOST_TRANSIENT,
         )  # fmt: skip
         return orbit
-
-
-LASER = ("power", "detuning")
 
 
 def numbers_of(p: CycleProblem) -> dict[str, tuple[float, str]]:

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
 
 HARMONICS = 32
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
+FEWEST_SAMPLES = 64  # samples of a trace
+ROUNDS = 3  # corrections of the period
+BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
+PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
+NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
+MOST_TRACE_SAMPLES = 50_000  # samples of a simulated trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +136,6 @@ def fourier_fit(t: Array, drop: Array, T: float, K: int) -> FourierFit:
     z = c[1 : 1 + K] + 1j * c[1 + K :]
     period_slope = (1j * (waves * k) @ z).real * (-2 * np.pi * t / T)  # d drop/d ln T
     return FourierFit(np.append(c[0], z), drop - A @ c, np.column_stack([A, period_slope]))
-
-
-FEWEST_SAMPLES = 64  # samples of a trace
-ROUNDS = 3  # corrections of the period
-BETWEEN, MANY = 8, 5_000  # points of the autocorrelation for each sample; in halves of more than `MANY` samples 1
-PARTS, MOVES = 32, 0.05  # a trace rests if the means of so many pieces differ by less than this share of the whole mean
-NEAR = 0.1  # relative distance of a ratio of periods from a whole number, below which it counts as that number
-MOST_TRACE_SAMPLES = 50_000  # samples of a simulated trace
 
 
 class Seen(NamedTuple):

@@ -22,6 +22,8 @@ ORDER = 6  # of the divided differences in which a smooth trace vanishes and whi
 # share of the swing: less is no noise. Measured: 1e-8 to 1e-5 in traces of `simulate` and `cosimulate` at 10 ns or less
 # between samples; an 8-bit oscilloscope alone leaves 1e-3
 SMOOTH = 1e-4
+ASIDE = 1e-6  # of a logarithm: parameters that far from the end of the search are those of the soft fit
+LOGARITHM_STEP = 1e-5  # of a logarithm, for the slope of R_th
 
 
 class Curvature(NamedTuple):
@@ -126,10 +128,6 @@ def spread_over_traces(what: Unknowns, targets: list[Target], stage: Stage, x: A
         ends.append(end.x)
     off = np.array(ends) - np.mean(ends, axis=0)
     return np.sqrt((count - 1) / count * np.sum(off**2, axis=0))
-
-
-ASIDE = 1e-6  # of a logarithm: parameters that far from the end of the search are those of the soft fit
-LOGARITHM_STEP = 1e-5  # of a logarithm, for the slope of R_th
 
 
 class Leaning(NamedTuple):

@@ -22,6 +22,8 @@ from ..unknowns import COMPUTED, fitted_names, number_of
 WEAK = 0.02  # slope of a parameter, below which a held number does not matter
 HELD_STEP = 5e-3  # of a held number, by which it is moved for a derivative
 IGNORED = {"lumped_fcd", *COMPUTED}  # the lumped term is one of ``fcd``; the others are computed from fields
+WIDTH = 100  # characters of a line
+SHOWN = 3  # notes that are shown whole
 
 
 def held_numbers(ring: RingResonator, free: Sequence[str]) -> dict[str, float]:
@@ -68,10 +70,6 @@ def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> 
         slope, parameter = strongest[held]
         lines.append(f"{parameter} moves by {slope:+.2g} % for 1 % of {held}")
     return lines
-
-
-WIDTH = 100  # characters of a line
-SHOWN = 3  # notes that are shown whole
 
 
 def summary(

@@ -17,6 +17,8 @@ LOWEST_POWER, HIGHEST_POWER = 1e-8, 1.0  # W, between which the curve is looked 
 LINEWIDTHS = 10.0  # on either side of the cold resonance
 TIMES_THRESHOLD = 5.0  # the highest power of the plane; the paper's maps reach that much above their threshold
 BELOW_THRESHOLD = 0.5  # the lowest power of a plane that shows the threshold, as a share of it
+DUTIES = 0.2, 0.3  # of the points that the paper shows
+POWERS, DETUNINGS = 12, 24  # points of the plane
 
 
 class HopfPoint(NamedTuple):
@@ -79,10 +81,6 @@ def _leading(ring: RingResonator, model: ThermalModel) -> xr.Dataset:
     curves = hopf_curves(ring, model, [LOWEST_POWER, HIGHEST_POWER], [-reach, reach])
     points = [curve[["power", "detuning", "frequency"]].isel(point=curve["leading"].values) for curve in curves]
     return xr.concat(points, dim="point", combine_attrs="drop") if points else xr.Dataset(coords={"point": []})
-
-
-DUTIES = 0.2, 0.3  # of the points that the paper shows
-POWERS, DETUNINGS = 12, 24  # points of the plane
 
 
 def period_points(

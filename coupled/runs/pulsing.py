@@ -31,6 +31,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TINY = 1e-99  # J and K, of a dark ring
+DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
+QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
+EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
+FEWEST = 8  # samples of a trace
+THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
+LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
 class Rest(NamedTuple):
@@ -88,14 +94,6 @@ def ring_in(text: str) -> RingResonator:
     pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
     mode = GuidedMode(*fields["mode"]) if fields["mode"] else None
     return RingResonator(**fields | pairs | {"carriers": law(**fields["carriers"]), "mode": mode})
-
-
-DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
-QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
-EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
-FEWEST = 8  # samples of a trace
-THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
-LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
 class Regime(Words):

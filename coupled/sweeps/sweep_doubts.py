@@ -1,6 +1,6 @@
 """Reasons to doubt a fit of slow sweeps: what is left open, bounds, misfits, correlated residuals, a second answer.
 
-The second answer of a through port has the rate into the bus and all other rates of the ring exchanged:
+A through port alone has a second answer:
 
     T = |1 - 2 b/(b + o + i w)|^2 = [w^2 + (o - b)^2]/[w^2 + (o + b)^2]
 
@@ -25,6 +25,11 @@ from .transmission_search import End, Search, searched
 
 LOSSES = ("loss_rate", "scattering_rate", "drop_rate")
 BEYOND_BOUND = 0.5  # of a logarithm, beyond the exchanged value, to which default bounds are widened
+LARGE = 0.5  # root mean square of the residuals of a sweep: below, what is left is smaller than its noise
+LEVEL = 0.01  # of the input: offset of a through port in W or fractions, above which a note reports it
+CAUSES = (
+    "fringes, a resonance split in two by backscatter (doublet), another resonance near by, or a saturated detector"
+)
 
 
 def with_other_answer(
@@ -106,13 +111,6 @@ def _reaching(search: Search, x: Array, bounds: Mapping[str, Any] | None) -> Sea
 def _over_coupled(ring: RingResonator) -> bool:
     """Whether the rate into the bus is larger than that of all other losses."""
     return ring.bus_rate > ring.linear_rate - ring.bus_rate
-
-
-LARGE = 0.5  # root mean square of the residuals of a sweep: below, what is left is smaller than its noise
-LEVEL = 0.01  # of the input: offset of a through port in W or fractions, above which a note reports it
-CAUSES = (
-    "fringes, a resonance split in two by backscatter (doublet), another resonance near by, or a saturated detector"
-)
 
 
 class Correlation(NamedTuple):

@@ -35,6 +35,15 @@ from ..thermal import as_read
 from ..unknowns import SPAN, check_apart, fitted_names, number_of, span_of, varied
 from .slow_sweeps import Sweep
 
+T = TypeVar("T")
+RESISTANCE, POWER, FREQUENCY = "thermal_resistance", "power", "frequency"
+SIDE = 3.0  # linewidths by which a curve extends beyond its sweep
+SCALES = 30.0  # factor by which the scale of an arbitrary unit may differ from its start
+DECIBEL = 10 / np.log(10)  # decibels of a factor e
+# of an unknown, for slopes in the search and at its end: far above what the 600 points of a curve leave
+STEP, WIDE = 2e-3, 5e-3
+IMPOSSIBLE = 1e3  # a residual where the parameters make no ring
+
 
 class Nearest(NamedTuple):
     """Nearest points of a curve for the samples of a sweep.
@@ -89,16 +98,6 @@ def sweep_residuals(sweep: Sweep, x: Array, output: Array, *, robust: bool = Fal
         if np.abs(change).max() < 1e-4:
             break
     return near.distance, a
-
-
-T = TypeVar("T")
-RESISTANCE, POWER, FREQUENCY = "thermal_resistance", "power", "frequency"
-SIDE = 3.0  # linewidths by which a curve extends beyond its sweep
-SCALES = 30.0  # factor by which the scale of an arbitrary unit may differ from its start
-DECIBEL = 10 / np.log(10)  # decibels of a factor e
-# of an unknown, for slopes in the search and at its end: far above what the 600 points of a curve leave
-STEP, WIDE = 2e-3, 5e-3
-IMPOSSIBLE = 1e3  # a residual where the parameters make no ring
 
 
 @dataclass(frozen=True, eq=False)
