@@ -90,7 +90,7 @@ class Projection:
     def reduced(self, omega: Array) -> NDArray[np.complex128]:
         """Reduced solutions Y(i w) in modes at angular frequencies in rad/s, shape (m, k, p)."""
         s = 1j * omega[:, None, None]
-        return np.asarray(self.ports / (self.rate[:, None] + s))
+        return self.ports / (self.rate[:, None] + s)
 
 
 @dataclass(frozen=True, eq=False)
