@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
+import subprocess
 import sys
 from functools import partial
 
 import pytest
+from paths import ROOT
 
 import surrogate
 import thermofem as th
 
 gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed here; `make gdsfactory` runs these tests")
+
+
+# a block of the documentation that the other tests leave out, and the output that stands below it
+PRINTED = re.compile(r"<!-- not run: gdsfactory.*-->\n```python\n((?:.*\n)*?)```\n\n<!--.*-->\n```text\n((?:.*\n)*?)```")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -65,6 +72,19 @@ def test_the_result_solves(needs_mesher):
     heat = th.assemble(th.from_gdsfactory(gf.components.ring_double(radius=8, bend="bend_circular")))
     similar = th.assemble(th.strip_ring(8e-6, 500e-9, box=3e-6, cladding=2.78e-6, substrate=10e-6).opened())
     assert heat.thermal_resistance("core") == pytest.approx(similar.thermal_resistance("core"), rel=0.01)
+
+
+@pytest.mark.parametrize("page", ["geometry", "answers"])
+def test_the_blocks_of_the_documentation_run_in_a_process_of_their_own(page, needs_mesher):
+    """A process has no active PDK before the block makes one so."""
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    ((block, output),) = PRINTED.findall(text)
+    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    number, words = done.stdout.split(maxsplit=1)
+    printed, printed_words = output.split(maxsplit=1)
+    assert words == printed_words
+    assert float(number) == pytest.approx(float(printed), abs=0.0151)  # the last digit, and the mesh's 1e-3
 
 
 @pytest.mark.parametrize(
