@@ -66,7 +66,7 @@ def ring_at(
             raise InputError(f"{name} is missing; give it, or [light] with loss and [[bus]] in the geometry")
     material = family.box.base.material_of(family.box.base.light.part)
     fields: dict[str, Any] = fields_of(n, _order(n) if order is None else order)
-    name = f"{family.box.campaign.name} at {', '.join(f'{key} = {value:.6g}' for key, value in values.items())}"
+    name = f"{family.box.campaign.name} at {family.box.words(family.box.row(values))}"
     made = replace(base_of(base, material, n["wavelength"]), name=name, rates=(), **fields)
     mode = GuidedMode(family.box.base.light.mode, n["wavelength"])
     return replace(made, scattering_rate=n["radiated"], read=LIGHT, mode=mode)

@@ -134,13 +134,13 @@ quadratic = surrogate.reduce_quadratic(nonlinear, 10e-3).model
 vary = 'geometry = "ring.toml"\n[[vary]]\nname = "radius"\npath = "part.core.radius"\nfrom = "6 um"\nto = "8 um"\n'
 vary += '[[vary]]\nname = "box"\npath = "layer.box.thickness"\nfrom = "1 um"\nto = "3 um"\n'
 Path("radii.toml").write_text(vary)
-surrogate.train_family("radii.toml", tolerance=1e-2, held_out=1).save("family.json")
-surrogate.load_family("family.json").certify(radius=7e-6, box=2e-6)
+surrogate.train_family("radii.toml", tolerance=1e-2, held_out=1).save("family.npz")
+surrogate.load_family("family.npz").certify(radius=7e-6, box=2e-6)
 
 # %% surrogate.design surrogate.uncertainty
 from scipy import stats
 
-family = surrogate.load_family("family.json")
+family = surrogate.load_family("family.npz")
 found = surrogate.design(family, target={"thermal_resistance": 9e3}, fixed={"box": 2e-6})
 spread = surrogate.uncertainty(family, {"radius": stats.norm(7e-6, 20e-9), "box": stats.norm(2e-6, 40e-9)}, samples=64)
 

@@ -13,7 +13,7 @@ from .console import bar, say, working, written, wrote
 def family(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML) with ranges.")],
-    output: options.Output = Path("family.json"),
+    output: options.Output = Path("family.npz"),
     tolerance: Annotated[float, typer.Option(help="Wanted relative error of R_th and of every step.")] = 1e-3,
     folder: Annotated[
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
@@ -30,6 +30,7 @@ def family(
     from thermofem.data import quantity
 
     from .inputs.command_files import check_outputs, expect
+    from .results.family_card import family_lines, family_numbers
 
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
@@ -38,26 +39,10 @@ def family(
         training: dict[str, Any] = {"seed": seed, "executor": executor, "folder": folder, "power": hot}
         trained = surrogate.train_family(file, tolerance, **training, progress=progress)
     trained.save(output)
-    error = {"worst": trained.error.worst, "median": trained.error.median, "count": trained.error.count}
-    say(
-        f"{trained.size} functions ({trained.engine}); error over {error['count']} rings not seen: "
-        f"worst {error['worst']:.1e}, median {error['median']:.1e}"
-    )
-    if trained.output_maps is not None:
-        say(f"k(T) up to {quantity.write(trained.output_maps.power, 'W')}: error {trained.output_maps.error:.1e}")
-    optics = trained.optics
-    if optics is not None:
-        say(f"light of {optics.solved} rings; error over rings left out: {optics.words()}")
+    for label, text in family_lines(trained):
+        say(f"{label:>16} : {text}")
     wrote(output)
-    return {
-        "family": output,
-        "functions": trained.size,
-        "engine": trained.engine,
-        "error": error,
-        "error_hot": None if trained.output_maps is None else trained.output_maps.error,
-        "error_optics": None if optics is None else optics.error,
-        "ranges": {name: list(map(float, ends)) for name, ends in trained.ranges.items()},
-    }
+    return {"family": output, **family_numbers(trained)}
 
 
 def calibrate(

@@ -23,12 +23,12 @@ DERIVED = {
 
 
 def show(
-    file: Annotated[Path, typer.Argument(help="Thermal model (JSON), ring or geometry (TOML).")],
+    file: Annotated[Path, typer.Argument(help="Thermal model (JSON), family, ring or geometry (TOML).")],
     figure: Annotated[Path | None, typer.Option(help="Map of the model of a layout, as an image.")] = None,
 ) -> dict[str, Any]:
-    """Print the card of a model (kind, R_th, rise time, all poles, error bound, training), or the numbers of a ring.
+    """Print the card of a model (kind, R_th, rise time, poles, error bound, training), of a family or of a ring.
 
-    A ring's numbers stand with their units, derived ones too; a geometry is printed whole, with the data sheet of its
+    A family's card has its ranges, parts and errors. A ring's numbers stand with their units, derived ones too; a geometry is printed whole, with the data sheet of its
     heaters where it has [light].
     """
     import surrogate
@@ -44,6 +44,8 @@ def show(
     kind = kind_of(file)
     if kind == "ring":
         return _ring(file)
+    if kind == "family":
+        return _family(file)
     if kind == "geometry":
         section = th.CrossSection.from_toml(file)
         for line in filter(None, section.to_toml().splitlines()):
@@ -58,7 +60,7 @@ def show(
         return {"geometry": section.to_toml(), **say_sheets(heat)}
     expect(file, "model")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
-        raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), or a ring or geometry (TOML)")
+        raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)")
     loaded = surrogate.load_model(file)
     provenance = th.models.model_files.load_provenance(file)
     numbers, lines = model_card(loaded, provenance)
@@ -74,6 +76,20 @@ def show(
     for name, text in [*lines, ("sha256", numbers["sha256"]), ("file", str(file))]:
         say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', 'V', text) if volts else text}")
     return numbers
+
+
+def _family(path: Path) -> dict[str, Any]:
+    """Print the card of a family."""
+    import surrogate
+    from thermofem.data import files
+
+    from .results.family_card import family_lines, family_numbers
+
+    family = surrogate.load_family(path)
+    digest = hashlib.sha256(files.read_bytes(path, "family")).hexdigest()
+    for label, text in [*family_lines(family), ("sha256", digest), ("file", str(path))]:
+        say(f"{label:>16} : {text}")
+    return {**family_numbers(family), "sha256": digest}
 
 
 def _ring(path: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from scipy.linalg import eigh
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
+from thermofem.data import quantity
 from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
 from thermofem.geometry.section_parts import LIGHT, MODE, WAVELENGTH
 from thermofem.models.contract import OutsideTrainingWarning
@@ -118,7 +119,7 @@ class Family:
     def __repr__(self) -> str:
         ranges = []
         for (name, (low, high)), unit in zip(self.ranges.items(), self.box.units, strict=True):
-            ranges.append(f"{name} {low:g} .. {high:g} {unit}".rstrip())
+            ranges.append(f"{name} {quantity.rounded(low, unit, 6)} .. {quantity.rounded(high, unit, 6)}")
         functions = f"{self.size} functions, engine {self.engine!r}"
         return f"Family({', '.join(ranges)}; {functions}, {self.error!r})"
 

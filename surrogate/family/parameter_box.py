@@ -13,6 +13,7 @@ from scipy.stats import qmc
 from thermofem import Boundary, Campaign, CrossSection, Material, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.campaign import Variation
+from thermofem.data import quantity
 from thermofem.fem.surfaces import PERFECT, resistances
 from thermofem.geometry.parameter_paths import Change, change
 from thermofem.materials.material_laws import PowerLaw
@@ -59,8 +60,9 @@ class Box:
         return dict(zip(self.names, row.tolist(), strict=True))
 
     def words(self, row: Array) -> str:
-        """Text "name = value, ..." of the parameters ``row`` of one member."""
-        return ", ".join(f"{name} = {value:g}" for name, value in self.named(row).items())
+        """Text "name = value, ..." of the parameters ``row`` of one member, with units."""
+        triples = zip(self.names, row, self.units, strict=True)
+        return ", ".join(f"{name} = {quantity.rounded(value, unit, 6)}" for name, value, unit in triples)
 
     @property
     def size(self) -> int:

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 import surrogate
 import thermofem as th
 from thermofem_cli import app
+from thermofem_cli.inputs.command_files import kind_of
 
 CAMPAIGN = """
 [[vary]]
@@ -33,22 +34,22 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("family")
     (folder / "strip.toml").write_text(th.strip_ring().to_toml())
     (folder / "rings.toml").write_text('geometry = "strip.toml"\n' + CAMPAIGN)
-    run("family", str(folder / "rings.toml"), "-o", str(folder / "family.json"), "--tolerance", "1e-2")
+    run("family", str(folder / "rings.toml"), "-o", str(folder / "family.npz"), "--tolerance", "1e-2")
     return folder
 
 
 def test_a_campaign_without_drives_becomes_a_family(folder):
-    family = surrogate.load_family(folder / "family.json")
+    family = surrogate.load_family(folder / "family.npz")
     assert family.names == ("box",)
     assert family.error <= 1e-2
 
 
 def test_design(folder):
     low, wanted, high = (
-        surrogate.load_family(folder / "family.json").model(box=box * 1e-6).thermal_resistance
+        surrogate.load_family(folder / "family.npz").model(box=box * 1e-6).thermal_resistance
         for box in (2.079, 2.1, 2.121)
     )
-    text = run("design", str(folder / "family.json"), "--resistance", f"{wanted!r} K/W")
+    text = run("design", str(folder / "family.npz"), "--resistance", f"{wanted!r} K/W")
     assert "reached" in text
     assert "box = 2.1 um" in text
     assert " K/mW, wanted " in text
@@ -58,24 +59,46 @@ def test_design(folder):
 
 
 def test_a_family_is_no_model(folder):
-    with pytest.raises(AssertionError, match="holds a family of rings, not a thermal model; thermofem design"):
-        run("show", str(folder / "family.json"))
+    with pytest.raises(AssertionError, match="holds a family of rings, not a thermal model; thermofem show, design"):
+        run("simulate", str(folder / "family.npz"))
+
+
+def test_the_card_of_a_family_has_its_ranges_parts_and_errors(folder):
+    """The range is that of the campaign file, in its unit; the errors are those of the file."""
+    path = folder / "family.npz"
+    family = surrogate.load_family(path)
+    text = run("show", str(path))
+    assert re.search(r"heated : core; read: core$", text, re.MULTILINE)
+    assert re.search(r"box : 1.5 um \.\. 2.5 um$", text, re.MULTILINE)
+    assert f"over {family.error.count} rings not seen: worst {family.error.worst:.1e}" in text
+    numbers = json.loads(run("show", str(path), "--json", "--quiet"))
+    assert numbers["ranges"]["box"] == pytest.approx([1.5e-6, 2.5e-6], rel=1e-12, abs=0)
+    assert numbers["error"]["worst"] == family.error.worst
+    assert "box 1.5 um .. 2.5 um;" in repr(family)
+
+
+def test_a_family_is_known_by_its_content_whatever_its_name(folder):
+    named = folder / "mine.rings"
+    named.write_bytes((folder / "family.npz").read_bytes())
+    assert kind_of(named) == "family"
+    np.savez(folder / "mesh.npz", points=np.zeros(3))
+    assert kind_of(folder / "mesh.npz") is None
 
 
 def test_uncertainty(folder):
-    text = run("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm", "--samples", "64")
+    text = run("uncertainty", str(folder / "family.npz"), "--spread", "box=2 um,20 nm", "--samples", "64")
     said = re.search(r"box: first-order Sobol index (\S+) \((\S+) \.\. (\S+)\); total (\S+) \((\S+) \.\. (\S+)\)", text)
     index, low, high, *_ = map(float, said.groups())
     assert low <= 1 <= high  # one parameter explains everything
     assert abs(index - 1) < 0.1
-    asked = ("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm", "--samples", "64")
+    asked = ("uncertainty", str(folder / "family.npz"), "--spread", "box=2 um,20 nm", "--samples", "64")
     numbers = json.loads(run(*asked, "--json", "--quiet"))
     kinds = ["first_order", "first_order_low", "first_order_high", "total_order", "total_order_low", "total_order_high"]
     assert [f"{numbers[kind]['box']:.3f}" for kind in kinds] == list(said.groups())
 
 
 def test_the_map_of_probabilities_and_the_settled_period(folder):
-    spread = ("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm")
+    spread = ("uncertainty", str(folder / "family.npz"), "--spread", "box=2 um,20 nm")
     drive = ("--power", "3 dBm, 10 dBm", "--detuning", "-20 GHz, 20 GHz", "--points", "3, 4", "--samples", "4")
     text = run(*spread, "--map", str(folder / "map.nc"), *drive)
     assert "of the points pulse" in text
@@ -91,21 +114,21 @@ def test_the_map_of_probabilities_and_the_settled_period(folder):
 
 
 def test_targets_that_exclude_each_other(folder):
-    text = run("design", str(folder / "family.json"), "--resistance", "8000 K/W", "--rise-time", "1 us")
+    text = run("design", str(folder / "family.npz"), "--resistance", "8000 K/W", "--rise-time", "1 us")
     assert "no member that was looked at does that" in text
     assert "that no other beats" in text
 
 
 def test_the_resistance_of_its_own_mesh(folder):
-    numbers = json.loads(run("design", str(folder / "family.json"), "--rise-time", "1 us", "--json", "--quiet"))
+    numbers = json.loads(run("design", str(folder / "family.npz"), "--rise-time", "1 us", "--json", "--quiet"))
     assert numbers["thermal_resistance"] > 1e3  # of its own mesh, which the text says
 
 
 def test_calibrate(folder):
     times = np.append(0.0, np.geomspace(2e-9, 50e-6, 60))
-    rise = 1e-3 * surrogate.load_family(folder / "family.json").model(box=1.8e-6).step_response(times)
+    rise = 1e-3 * surrogate.load_family(folder / "family.npz").model(box=1.8e-6).step_response(times)
     th.save(th.dataset.build(times, rise, th.Constant(1e-3)), folder / "trace.nc")
-    asked = ("calibrate", str(folder / "family.json"), str(folder / "trace.nc"))
+    asked = ("calibrate", str(folder / "family.npz"), str(folder / "trace.nc"))
     assert "box = 1.8 ± " in run(*asked)
     assert run(*asked, "--noise", "10 mK") == run(*asked, "--noise", "0.01")
     assert "± contains the noise only; on its own mesh the family is off by " in run(*asked)
@@ -116,7 +139,7 @@ def test_calibrate(folder):
 
 def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
     (folder / "scope.csv").write_text("t (s),T (K)\n0,0\n1,1\n")
-    done = CliRunner().invoke(app, ["calibrate", str(folder / "family.json"), str(folder / "scope.csv")])
+    done = CliRunner().invoke(app, ["calibrate", str(folder / "family.npz"), str(folder / "scope.csv")])
     with pytest.raises(th.InputError, match=r"thermofem.read_trace\(.*scope.csv', ...\), 'data.nc'"):
         raise done.exception
 
@@ -124,14 +147,14 @@ def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("design", "{}/family.json"), "nothing is wanted"),
-        (("design", "{}/family.json", "--resistance", "9000 K/W", "--fix", "radius=7 um"), "is unknown"),
+        (("design", "{}/family.npz"), "nothing is wanted"),
+        (("design", "{}/family.npz", "--resistance", "9000 K/W", "--fix", "radius=7 um"), "is unknown"),
         (
-            ("uncertainty", "{}/family.json", "--spread", "box=2 um"),
+            ("uncertainty", "{}/family.npz", "--spread", "box=2 um"),
             "not of the form PARAMETER=MEAN, STANDARD DEVIATION",
         ),
-        (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
-        (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
+        (("calibrate", "{}/family.npz", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
+        (("calibrate", "{}/family.npz", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
         (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "not a family of rings"),
     ],
 )

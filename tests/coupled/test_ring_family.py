@@ -50,7 +50,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("lit")
     (folder / "lit.toml").write_text(th.strip_ring().to_toml() + LIGHT)
     (folder / "rings.toml").write_text(CAMPAIGN)
-    done = CliRunner().invoke(app, ["family", str(folder / "rings.toml"), "-o", str(folder / "lit.json")])
+    done = CliRunner().invoke(app, ["family", str(folder / "rings.toml"), "-o", str(folder / "lit.npz")])
     assert done.exit_code == 0, (done.output, done.exception)
     assert "error over rings left out: n_eff" in done.output
     return folder
@@ -58,7 +58,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def family(folder):
-    return surrogate.load_family(folder / "lit.json")
+    return surrogate.load_family(folder / "lit.npz")
 
 
 def section(folder, **values):
@@ -76,6 +76,7 @@ def test_a_member_is_the_ring_of_its_geometry(folder, family):
             within = 3e-3 if field.name in ("bus_rate", "drop_rate") else 4e-4
             assert getattr(found, field.name) == pytest.approx(value, rel=within, abs=0), field.name
     assert max(family.optics.error.values()) < 3e-3  # what it says of itself
+    assert found.name.endswith(" at width = 441 nm, box = 1.9 um")
     assert ring_at(family, member, coupling=0.05).bus_rate == pytest.approx(
         coupled.ring_from(section(folder, **member), coupling=0.05).ring.bus_rate, rel=4e-4
     )
@@ -160,7 +161,7 @@ def test_an_executor_gives_the_same(family):
 
 def test_the_command_ranks_with_the_optics_moving(folder):
     spread = ["--spread", "width=450 nm,2 nm", "--spread", "box=2 um,20 nm", "--samples", "64", "--interpolate", "24"]
-    done = CliRunner().invoke(app, ["uncertainty", str(folder / "lit.json"), "--period", *spread])
+    done = CliRunner().invoke(app, ["uncertainty", str(folder / "lit.npz"), "--period", *spread])
     assert done.exit_code == 0, (done.output, done.exception)
     assert "the optics move with the geometry" in done.output
     assert "by heat and" in done.output

@@ -131,7 +131,7 @@ def test_derivatives_are_those_of_the_members(family):
 
 
 def test_a_family_is_one_file(family, tmp_path):
-    path = family.save(tmp_path / "rings.json")
+    path = family.save(tmp_path / "rings.npz")
     again = surrogate.load_family(path)
     values = {"radius": 7e-6, "width": 500e-9, "box": 2e-6}
     np.testing.assert_array_equal(again.model(**values).R, family.model(**values).R)

@@ -34,7 +34,7 @@ def heat(family):
 @pytest.fixture(scope="module")
 def files(family, heat, tmp_path_factory):
     folder = tmp_path_factory.mktemp("channels")
-    family.save(folder / "family.json")
+    family.save(folder / "family.npz")
     times = np.geomspace(1e-7, 1e-4, 50)
     th.save(th.solve(heat, th.Constant(1e-3), times=times, **CHANNEL), folder / "trace.nc")
     return folder
@@ -94,12 +94,12 @@ def test_unknown_parts(family, study):
 @pytest.mark.parametrize(
     "command",
     [
-        ["uncertainty", "family.json", "--spread", "box=1.9 um,20 nm", "--samples", "16"],
-        ["design", "family.json", "--resistance", "2500 K/W"],
+        ["uncertainty", "family.npz", "--spread", "box=1.9 um,20 nm", "--samples", "16"],
+        ["design", "family.npz", "--resistance", "2500 K/W"],
         pytest.param(
-            ["design", "family.json", "--resistance", "2500 K/W", "--rise-time", "1 ns"], marks=pytest.mark.slow
+            ["design", "family.npz", "--resistance", "2500 K/W", "--rise-time", "1 ns"], marks=pytest.mark.slow
         ),  # a front of 1024 members
-        ["calibrate", "family.json", "trace.nc"],
+        ["calibrate", "family.npz", "trace.nc"],
     ],
 )
 def test_every_line_names_the_channel(files, command, monkeypatch):

@@ -29,13 +29,13 @@ def content(tmp_path_factory):
     folder = tmp_path_factory.mktemp("family")
     (folder / "strip.toml").write_text(th.strip_ring(outer_radius=30e-6, substrate=10e-6).to_toml())
     (folder / "rings.toml").write_text('geometry = "strip.toml"\n' + CAMPAIGN)
-    surrogate.train_family(folder / "rings.toml", 5e-2).save(folder / "family.json")
-    return (folder / "family.json").read_bytes()
+    surrogate.train_family(folder / "rings.toml", 5e-2).save(folder / "family.npz")
+    return (folder / "family.npz").read_bytes()
 
 
 def test_damaged_arrays_are_refused_or_make_members(content, tmp_path):
     """Arrays of another shape or type, and nan in K."""
-    path, read = tmp_path / "family.json", 0
+    path, read = tmp_path / "family.npz", 0
     for what, damaged in list(hostile.archives(content))[::2]:
         path.write_bytes(damaged)
         family = says_one_line(lambda: surrogate.load_family(path))
@@ -79,4 +79,4 @@ def test_damaged_headers_are_refused_or_make_members(content, tmp_path):
 def test_numbers_of_the_header_lie_in_their_range(content, tmp_path, name, value):
     header = json.loads(str(arrays_of(content)["header"])) | {name: value}
     with pytest.raises(th.InputError, match=name):
-        surrogate.load_family(rewritten(content, tmp_path / "family.json", header))
+        surrogate.load_family(rewritten(content, tmp_path / "family.npz", header))

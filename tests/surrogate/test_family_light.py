@@ -37,7 +37,7 @@ def path(tmp_path_factory):
     folder = tmp_path_factory.mktemp("covered")
     (folder / "covered.toml").write_text(COVERED + LIGHT)
     (folder / "rings.toml").write_text(CAMPAIGN)
-    return surrogate.train_family(folder / "rings.toml", 2e-3).save(folder / "family.json")
+    return surrogate.train_family(folder / "rings.toml", 2e-3).save(folder / "family.npz")
 
 
 @pytest.fixture(scope="module")
@@ -118,14 +118,14 @@ def test_a_family_of_an_older_file_reads_the_core_alone(family, path, tmp_path):
     newer = arrays.pop("header")
     header = str(newer).replace('"outputs": ["core", "light"]', '"outputs": ["core"]')
     older = {name: values for name, values in arrays.items() if not name.startswith("light_")}
-    (tmp_path / "older.json").write_bytes(members.pack(older | {"header": np.array(header)}))
-    read = surrogate.load_family(tmp_path / "older.json")
+    (tmp_path / "older.npz").write_bytes(members.pack(older | {"header": np.array(header)}))
+    read = surrogate.load_family(tmp_path / "older.npz")
     assert read.outputs == ("core",)
     assert isinstance(read.model(width=357e-9), th.Foster)
     np.testing.assert_allclose(read.step_response(TIMES, width=357e-9), family.step_response(TIMES, width=357e-9))
     # one that names the output without its weights is not complete
-    (tmp_path / "lacking.json").write_bytes(
+    (tmp_path / "lacking.npz").write_bytes(
         members.pack(older | {"header": np.array(str(members.unpack(path.read_bytes())["header"]))})
     )
     with pytest.raises(th.InputError, match="not a complete family"):
-        surrogate.load_family(tmp_path / "lacking.json")
+        surrogate.load_family(tmp_path / "lacking.npz")

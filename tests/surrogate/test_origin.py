@@ -79,7 +79,7 @@ def test_a_model_beyond_the_tables_says_so_wherever_it_goes(cold, tmp_path, capl
 def test_members_of_a_family_beyond_the_tables_say_so(cold, tmp_path, caplog):
     trained = surrogate.train_family(cold / "rings.toml", 5e-2)
     assert WORDS in caplog.text
-    family = surrogate.load_family(trained.save(tmp_path / "family.json"))
+    family = surrogate.load_family(trained.save(tmp_path / "family.npz"))
     for model in (family.model(box=2e-6), family.reduced(box=2e-6)):
         run = coupled.simulate(coupled.borghi2021(), model, power=1e-6, detuning=-1e9, duration=1e-8)
         assert WORDS in run.attrs["warning"]

@@ -30,7 +30,7 @@ KINDS = {
     "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map, stability and explore take it with --ring"),
     "campaign": ("a campaign", "thermofem campaign takes it"),
     "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
-    "family": ("a family of rings", "thermofem design, uncertainty, calibrate and explore take it"),
+    "family": ("a family of rings", "thermofem show, design, uncertainty, calibrate and explore take it"),
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
     "table": ("a table of numbers", "thermofem fit takes it"),
@@ -46,6 +46,7 @@ MAKES = {
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
     ("data", "table"): "thermofem.save(thermofem.read_trace('{}', ...), 'data.nc')",
 }
+FAMILY_HEADER = b"header.npy"  # name of the first member of the archive, 30 bytes from its beginning
 # kind of a TOML file -> keys of which one is enough to tell it
 TABLES = {
     "campaign": {"vary", "drive", "geometry"},
@@ -81,7 +82,7 @@ def kind_of(path: Path) -> str | None:
         if ending == ".toml":
             keys = files.from_toml(files.read_text(path, "TOML")).keys()
             return next((kind for kind, own in TABLES.items() if keys & own), None)
-        if ending == ".json" and first[:4] == b"PK\x03\x04":
+        if first[:4] == b"PK\x03\x04" and first[30:].startswith(FAMILY_HEADER):
             return "family"
         if ending == ".json":
             loaded = files.read_json(path, "JSON")

@@ -14,7 +14,7 @@ def explore(
     inputs: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.json]", help="What heats; default: the reference strip."
+            metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.npz]", help="What heats; default: the reference strip."
         ),
     ] = None,
     ring: options.Ring = options.REFERENCE_RING,
