@@ -28,8 +28,8 @@ def show(
 ) -> dict[str, Any]:
     """Print the card of a model (kind, R_th, rise time, poles, error bound, training), of a family or of a ring.
 
-    A family's card has its ranges, parts and errors. A ring's numbers stand with their units, derived ones too; a geometry is printed whole, with the data sheet of its
-    heaters where it has [light].
+    A family's card has its ranges, parts and errors. A ring's numbers stand with their units, derived ones too; a
+    geometry is printed whole, with the data sheet of its heaters where it has [light].
     """
     import surrogate
     import thermofem as th
@@ -60,7 +60,9 @@ def show(
         return {"geometry": section.to_toml(), **say_sheets(heat)}
     expect(file, "model")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
-        raise InputError(f"{file} is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)")
+        raise InputError(
+            f"{file} is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)"
+        )
     loaded = surrogate.load_model(file)
     provenance = th.models.model_files.load_provenance(file)
     numbers, lines = model_card(loaded, provenance)

@@ -125,7 +125,10 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["show", "table.csv"], "`thermofem fit table.csv --power '1 mW' -o model.json` makes it from this"),
         (["show", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not a thermal model; th.load"),
         (["show", "good.png"], "good.png holds an image, not a thermal model; no command reads one"),
-        (["show", "empty.toml"], "is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)"),
+        (
+            ["show", "empty.toml"],
+            "is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)",
+        ),
         (["calibrate", "model.json", "map.nc"], "model.json holds a thermal model, not a family of rings"),
         (["design", "strip.toml", "--resistance", "8 K/mW"], "strip.toml holds a geometry, not a family of rings"),
         (["cite", "strip.toml"], "strip.toml holds a geometry, not data (netCDF) or a thermal model"),

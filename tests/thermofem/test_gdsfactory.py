@@ -18,7 +18,9 @@ gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed here;
 
 
 # a block of the documentation that the other tests leave out, and the output that stands below it
-PRINTED = re.compile(r"<!-- not run: gdsfactory.*-->\n```python\n((?:.*\n)*?)```\n\n<!--.*-->\n```text\n((?:.*\n)*?)```")
+PRINTED = re.compile(
+    r"<!-- not run: gdsfactory.*-->\n```python\n((?:.*\n)*?)```\n\n<!--.*-->\n```text\n((?:.*\n)*?)```"
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
