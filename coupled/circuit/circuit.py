@@ -163,7 +163,8 @@ class Circuit:
         a free terminal that none names has one called after itself, such as "ring 3.drop".
     splitters : sequence of Splitter
     frequency : float, Hz, optional
-        reference of detunings, offsets and phases; default the cold resonance of the first ring.
+        reference of detunings, offsets and phases: a laser's frequency is this, its offset and its detuning. Default the
+        cold resonance of the first ring.
     name : str
 
     Raises
@@ -330,7 +331,12 @@ LASERS = (LaserPort("in", "ring 1.in"),)  # of the circuits below
 
 
 def bus(
-    rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
+    rings: RingResonator | Sequence[RingResonator],
+    *,
+    shift: float | Sequence[float] = 0.0,
+    phase: float = 0.0,
+    loss: float = 0.0,
+    delay: float = 0.0,
 ) -> Circuit:
     """Return a circuit of rings in series on one bus, each with its own drop port: a filter bank.
 
@@ -340,6 +346,8 @@ def bus(
     ----------
     rings : RingResonator or sequence of RingResonator
         in the order in which the light of the bus passes them.
+    shift : float or sequence of float, Hz
+        added to the cold resonance of every ring, or of each; detunings count from that of the first ring, shifted.
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings.
 
@@ -352,7 +360,7 @@ def bus(
     >>> coupled.bus(coupled.borghi2021()).ports
     ('through', 'drop 1')
     """
-    every = _several(rings)
+    every = _several(rings, shift)
     n = len(every)
     between = _chain(n, "through", "in", loss, phase, delay)
     drops = [Detector(f"drop {k}", f"ring {k}.drop") for k, ring in enumerate(every, 1) if ring.drop_bus_rate]
@@ -361,7 +369,12 @@ def bus(
 
 
 def scissor(
-    rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
+    rings: RingResonator | Sequence[RingResonator],
+    *,
+    shift: float | Sequence[float] = 0.0,
+    phase: float = 0.0,
+    loss: float = 0.0,
+    delay: float = 0.0,
 ) -> Circuit:
     """Return a SCISSOR: rings in parallel between two buses, with light in the second bus running backwards.
 
@@ -372,6 +385,8 @@ def scissor(
     ----------
     rings : RingResonator or sequence of RingResonator
         in the order in which the light of the first bus passes them.
+    shift : float or sequence of float, Hz
+        added to the cold resonance of every ring, or of each; detunings count from that of the first ring, shifted.
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings, on each bus.
 
@@ -384,7 +399,7 @@ def scissor(
     >>> coupled.scissor([coupled.borghi2021()] * 3).ports
     ('through', 'drop')
     """
-    every = _several(rings)
+    every = _several(rings, shift)
     n = len(every)
     ways = _chain(n, "through", "in", loss, phase, delay)
     detectors = [Detector("through", f"ring {n}.through")]
@@ -394,7 +409,7 @@ def scissor(
     return Circuit(every, ways, LASERS, detectors, name="scissor")
 
 
-def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
+def crow(rings: RingResonator | Sequence[RingResonator], *, shift: float | Sequence[float] = 0.0) -> Circuit:
     """Return a CROW (coupled-resonator optical waveguide): a chain of directly coupled rings.
 
     Neighbouring rings share a coupler. It is modelled by the second coupler of the one and the first of the other with
@@ -405,6 +420,8 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     ----------
     rings : RingResonator or sequence of RingResonator
         from the one with the laser to the one with the drop port, each with two couplers.
+    shift : float or sequence of float, Hz
+        added to the cold resonance of every ring, or of each; detunings count from that of the first ring, shifted.
 
     Raises
     ------
@@ -415,7 +432,7 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     >>> coupled.crow([coupled.borghi2021()] * 3).ports
     ('through', 'drop')
     """
-    every = _several(rings)
+    every = _several(rings, shift)
     n = len(every)
     quarter = -math.pi / 2
     for k, ring in enumerate(every, 1):
@@ -425,8 +442,14 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     return Circuit(every, ways, LASERS, detectors, name="crow")
 
 
-def _several(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:
-    return [rings] if isinstance(rings, RingResonator) else list(rings)
+def _several(rings: RingResonator | Sequence[RingResonator], shift: float | Sequence[float]) -> list[RingResonator]:
+    """The rings as a list, each with its cold resonance shifted; ``shift`` in Hz."""
+    every = [rings] if isinstance(rings, RingResonator) else list(rings)
+    shifts = checks.numbers("shift", shift)
+    if shifts.ndim == 0:
+        shifts = np.full(len(every), shifts)
+    checks.shape("shift", shifts, (len(every),))
+    return [replace(ring, frequency=ring.frequency + float(df)) for ring, df in zip(every, shifts, strict=True)]
 
 
 def _chain(rings: int, start: str, stop: str, *of: float, back: bool = False) -> list[Waveguide]:

@@ -285,6 +285,7 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
     by_ring = {"energy": energy, "carriers": N, "delta_T": rise, "absorbed": absorbed, "scattered": scattering * energy}
     overall = {"lost": light.lost @ power + on_the_way @ input_power}
     attrs = dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": parameters(circuit)}
+    attrs["frequency"] = circuit.frequency
     attrs |= system.heat.doubts
     if system.detuning.steady:
         attrs["detuning"] = float(system.detuning(0.0))

@@ -325,6 +325,22 @@ def test_scatter_is_normal_and_reproducible():
     assert scattered.frequency == RING.frequency
 
 
+def test_rings_of_a_chain_are_shifted_and_the_first_is_the_reference():
+    """Detunings count from the first ring, 2 GHz above RING: light passes it and leaves by the drop port of the other."""
+    bus = coupled.bus([RING, RING], shift=[2e9, 5e9])
+    assert bus.frequency == bus.resonators[0].frequency == pytest.approx(RING.frequency + 2e9, rel=1e-12)
+    detuning = np.array([-1e9, 0.5e9, 3e9])
+    found = coupled.transmission(bus, detuning=detuning).transmission.sel(port="drop 2").values
+    passed = [response(bus.resonators[0], 2e9 + df)[0, 0] for df in detuning]
+    dropped = [response(bus.resonators[1], 2e9 + df)[1, 0] for df in detuning]
+    assert found == pytest.approx(np.abs(np.multiply(passed, dropped)) ** 2, rel=1e-9)
+    run = coupled.simulate(bus, SECOND_ORDER, power={"in": 1e-6}, duration=1e-10)
+    assert run.attrs["frequency"] == bus.frequency
+    assert coupled.crow([RING] * 2, shift=-1e9).resonators[1].frequency == RING.frequency - 1e9
+    with pytest.raises(th.InputError, match="shift has shape"):
+        coupled.bus([RING, RING], shift=[1e9])
+
+
 def test_a_circuit_file_is_the_circuit_that_it_documents(tmp_path):
     text = (
         (ROOT / "docs/circuits.md").read_text(encoding="utf-8").split('```toml title="bus.toml"\n')[1].split("```")[0]
