@@ -339,6 +339,21 @@ def datasets(name: str, given: Any) -> tuple[xr.Dataset, ...]:
     return found
 
 
+def noises(noise: float | Sequence[float] | None, count: int) -> list[float | None]:
+    """Standard deviation of a sample of each of several records, None where it is to be estimated.
+
+    Raises InputError: numbers that are not positive, or not one or ``count`` of them.
+    """
+    if noise is None:
+        return [None] * count
+    sizes = np.atleast_1d(checks.numbers("noise", noise))
+    if sizes.size not in (1, count):
+        raise InputError(f"noise holds {sizes.size} numbers for {count} records", "give one, or one for each")
+    for size in sizes:
+        checks.positive("noise", float(size), hint="a standard deviation in the unit of the record")
+    return [float(size) for size in np.broadcast_to(sizes, count)]
+
+
 def check_duration(duration: float) -> float:
     """Return a duration in s, or raise InputError unless it lies between an optical period (1e-15 s) and a second."""
     # 1e-15 s; the equations hold for the envelope of the field, so not within an optical cycle

@@ -85,6 +85,34 @@ def test_the_legend_of_period_errors_is_no_wider_than_the_figure():
     assert left.figure.bbox.x0 <= legend.x0 < legend.x1 <= left.figure.bbox.x1
 
 
+def drawn_fit():
+    """A fit in volts of a drive with many words, of log-spaced samples."""
+    wave = th.Pulse(1.2345e-3, 3.4567e-6)
+    times = np.geomspace(1e-9, 2e-5, 100)
+    data = th.dataset.build(times, MODEL.response(wave, times), wave)
+    return FUNCTIONS["plot_fit"](MODEL, data.assign_attrs(assumed="1 V counts as 1 K"))
+
+
+def drawn_errors():
+    """Errors of two models over a wide range, with the points of a ring and a long title."""
+    curve = surrogate.period_error(MODEL, th.Foster(R=[7e3], tau=[9e-7]), np.geomspace(1e-7, 1e-4, 20))
+    ring = curve.assign_attrs(loaded_q=20000.0)
+    names = ["certified reduction (0.0001), 12 states", "second order equation, trained on a pulse of 20 us"]
+    title = "paper's ring without cladding, radius 60 um: k(T) at a square wave of 2 mW, duty 1/3, against its FEM"
+    return FUNCTIONS["plot_period_errors"](dict.fromkeys(names, curve), points={names[1]: ring}, title=title)
+
+
+@pytest.mark.parametrize("draw", [drawn_fit, drawn_errors])
+def test_nothing_of_a_figure_leaves_it(draw):
+    """What leaves the figure is cut in the image; in inches, to a pixel."""
+    figure = draw()[0].figure
+    figure.draw_without_rendering()
+    drawn = figure.get_tightbbox()
+    assert min(drawn.x0, drawn.y0) > -0.01
+    assert drawn.x1 < figure.get_figwidth() + 0.01
+    assert drawn.y1 < figure.get_figheight() + 0.01
+
+
 def test_the_line_of_a_transmission_does_not_join_two_stretches_that_leave_the_range():
     """At 3 mW from -20 GHz on, the branch leaves below -20 GHz near 0.95 mW and comes back near 1.6 mW."""
     model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)

@@ -24,7 +24,7 @@ from typing import Annotated, Any
 import typer
 
 from .cite_command import cite, reproduce
-from .console import note, print_numbers, settings
+from .console import note_repeated, print_numbers, settings, warn
 from .design_command import design, uncertainty
 from .doctor_command import doctor
 from .export_command import export
@@ -123,7 +123,8 @@ def main() -> None:
         warnings.simplefilter("ignore")
         code, error = _run()
     for warning in caught:
-        note(f"warning: {warning.message}")
+        warn(f"warning: {warning.message}")
+    note_repeated()
     if error:
         print(f"thermofem: {error}", file=sys.stderr)
     sys.exit(code)

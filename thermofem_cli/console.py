@@ -11,9 +11,11 @@ import json
 import logging
 import math
 import os
+import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,13 +28,14 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass
 class Settings:
-    """Options --json, --quiet, --verbose and --threads of the running command, and its name."""
+    """Options --json, --quiet, --verbose and --threads of the running command, its name, and its warnings by kind."""
 
     command: str = ""
     json: bool = False
     quiet: bool = False
     verbose: bool = False
     threads: int | None = None
+    warned: dict[str, list[str]] = field(default_factory=dict)
 
 
 settings = Settings()
@@ -132,11 +135,28 @@ def time_bar(what: str, duration: float) -> Iterator[Callable[[float], None]]:
 
 
 class Messages(logging.Handler):
-    """Log handler that prints each record by `note`."""
+    """Log handler that prints each record by `note`, warnings by `warn`."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one record."""
-        note(record.getMessage())
+        printed = note if record.levelno < logging.WARNING or settings.verbose else warn
+        printed(record.getMessage())
+
+
+def warn(text: str) -> None:
+    """Print a warning once for a command; those that differ by numbers alone are counted, see `note_repeated`."""
+    alike = settings.warned.setdefault(re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "#", text), [])
+    alike.append(text)
+    if len(alike) == 1:
+        note(text)
+
+
+def note_repeated() -> None:
+    """Print how often each warning came, where it was more than once."""
+    for first, *others in settings.warned.values():
+        if others:
+            words = "the same" if set(others) == {first} else "alike but for numbers (--verbose prints them)"
+            note(f"{len(others)} more warnings, {words}: {textwrap.shorten(first, 80, placeholder=' ...')}")
 
 
 logging.getLogger("thermofem").addHandler(Messages())
@@ -144,6 +164,7 @@ logging.getLogger("thermofem").addHandler(Messages())
 
 def configure(*, json: bool, quiet: bool, verbose: bool, threads: int | None) -> None:
     """Apply the options of every command: what is printed of the log, and the threads of BLAS and compiled code."""
+    settings.warned = {}
     settings.json, settings.quiet, settings.verbose, settings.threads = json, quiet, verbose, threads
     level = logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING
     logging.getLogger("thermofem").setLevel(level)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import options
-from .console import parameter_unit, say, say_row, working, written, wrote
+from .console import note, parameter_unit, say, say_row, working, written, wrote
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,8 @@ def fit(
         str | None, typer.Option(help="mzi: the trace is light behind an interferometer; gives bias and visibility.")
     ] = None,
     phase: Annotated[
-        str | None, typer.Option(help="Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; default 1 rad/K.")
+        str | None,
+        typer.Option(help="Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; without it R is in rad/W."),
     ] = None,
     figure: options.Figure = None,
     output: options.Output = Path("model.json"),
@@ -67,7 +68,7 @@ def fit(
     from thermofem import checks
     from thermofem.data import files, quantity
 
-    from .inputs.command_files import about, check_outputs, in_volts
+    from .inputs.command_files import about, check_outputs, kelvin_of
     from .inputs.training_files import read_channel, training_of
 
     checks.choice("--kind", kind, FIT_KINDS)
@@ -93,13 +94,16 @@ def fit(
     read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall}
     read_as |= {"heated": heated, "read": read, "light": mzi is not None}
     training, assumed = training_of(context, data, read_as)
+    if mzi is not None and phase is None:
+        assumed.append("no --phase is given: 1 rad counts as 1 K, so R and R_th are in rad/W")
+        note(f"warning: {assumed[-1]}")
     with about(data):
         training = [read_channel(path, dataset, heated, read) for path, dataset in zip(data, training, strict=True)]
         with working("training"):
             fitted = _trained(kind, training, order, mzi)
     provenance = {**fitted.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(fitted.model, output, provenance=files.plain(provenance))
-    _print(fitted, kind, "V" if in_volts(assumed) else "K")
+    _print(fitted, kind, kelvin_of(assumed))
     if figure is not None:
         _draw(fitted, training[0], figure)
     wrote(output, figure)
@@ -143,7 +147,7 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
 def _print(fitted: Any, kind: str, kelvin: str) -> None:
     """Print the equations of a network, or parameters with errors; R_th; the misfit; undetermined time constants.
 
-    kelvin: "K", or "V" where volts count as kelvin.
+    kelvin: "K", or the unit that counts as kelvin, "V" or "rad".
     """
     from surrogate.studies.inverse_search import rise_time
 
@@ -155,12 +159,13 @@ def _print(fitted: Any, kind: str, kelvin: str) -> None:
             rows.append(("R", f"{written(float(r), 'K/W')} at tau = {written(float(tau), 's')}"))
     elif kind != "sindy":
         errors = fitted.standard_errors
-        rows += [
-            (name, written(value, parameter_unit(name), errors[name])) for name, value in fitted.parameters.items()
-        ]
+        units = {name: parameter_unit(name) for name in fitted.parameters}
+        units |= {"half_power": fitted.residual_unit, "bias": "rad"}
+        rows += [(name, written(value, units[name], errors[name])) for name, value in fitted.parameters.items()]
     rows.append(("R_th", written(fitted.model.thermal_resistance, "K/W")))
     noise = {True: ", noise", False: ", systematic", None: ""}[getattr(fitted, "misfit_is_noise", None)]
-    rows.append(("misfit", f"{fitted.residual:.3g} K rms, {100 * fitted.relative_residual:.2g} % of the swing{noise}"))
+    size = f"{fitted.residual:.3g} {getattr(fitted, 'residual_unit', 'K')}".rstrip()
+    rows.append(("misfit", f"{size} rms, {100 * fitted.relative_residual:.2g} % of the swing{noise}"))
     if hasattr(fitted.model, "R"):
         rows.append(("rise time (10-90 %)", written(rise_time(fitted.model), "s")))
     for name, text in rows:

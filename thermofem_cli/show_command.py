@@ -36,7 +36,7 @@ def show(
     from thermofem.data import files, quantity
     from thermofem.errors import InputError
 
-    from .inputs.command_files import expect, in_volts, kind_of
+    from .inputs.command_files import expect, kelvin_of, kind_of
     from .results.heater_sheets import say_sheets
     from .results.model_card import draw_layout, model_card
     from .results.racetracks import say_racetrack_sheets
@@ -74,9 +74,9 @@ def show(
         draw_layout(loaded, provenance, figure)
         numbers["figure"] = figure
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
-    volts = in_volts(numbers["assumed"])
+    unit = kelvin_of(numbers["assumed"])
     for name, text in [*lines, ("sha256", numbers["sha256"]), ("file", str(file))]:
-        say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', 'V', text) if volts else text}")
+        say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', unit, text)}")
     return numbers
 
 

@@ -163,8 +163,8 @@ class Circuit:
         a free terminal that none names has one called after itself, such as "ring 3.drop".
     splitters : sequence of Splitter
     frequency : float, Hz, optional
-        reference of detunings, offsets and phases: a laser's frequency is this, its offset and its detuning. Default the
-        cold resonance of the first ring.
+        reference of detunings, offsets and phases: a laser's frequency is this, its offset and its detuning. Default
+        the cold resonance of the first ring.
     name : str
 
     Raises

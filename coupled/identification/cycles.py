@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from thermofem import InputError, checks
-from thermofem.arrays import Array, Complex
+from thermofem.arrays import Array, Complex, NDArray
 from thermofem.data.variables import in_si
 
-from ..inputs import check_detuning, check_power, datasets
+from ..inputs import check_detuning, check_power, datasets, noises
 from ..thermal import Compact
 from .forced_filters import Forced, noise_of
 
@@ -298,6 +298,7 @@ class Target:
     power [W]; detuning [Hz].
     times, drop [shape (n,)]: samples, in s from when the light was switched on, and in the unit of the trace.
     settled: the state at its start is unknown, so it is compared with the limit cycle of the model.
+    noise: standard deviation of a sample in the unit of the trace, None where it is estimated.
     """
 
     period: float
@@ -307,6 +308,7 @@ class Target:
     times: Array
     drop: Array
     settled: bool = False
+    noise: float | None = None
 
     @property
     def absolute(self) -> bool:
@@ -352,15 +354,15 @@ class Target:
         t, drop = self._late_samples()
         if not np.isfinite(self.period):
             mean = float(np.trapezoid(drop, t) / t[-1])
-            deviation = max(float(drop.std()), noise_of(self.drop)) * np.sqrt(2 / drop.size)
-            return Seen(still(mean), np.nan, np.full(HARMONICS + 1, deviation))
+            scatter = self._known_scatter() or max(float(drop.std()), noise_of(self.drop))
+            return Seen(still(mean), np.nan, np.full(HARMONICS + 1, scatter * np.sqrt(2 / drop.size)))
         T = self.period
         sampled = int(0.5 * T * (t.size - 1) / t[-1])
         resolved = min(HARMONICS, max(1, t.size // 4 - 1), max(1, sampled))
         for K in (4, 12, HARMONICS, HARMONICS, HARMONICS):
             fit = fourier_fit(t, drop, T, min(K, resolved))
             T *= float(np.exp(np.clip(fit.period_step(), -0.02, 0.02)))
-        scatter = fit.scatter()
+        scatter = self._known_scatter() or fit.scatter()
         harmonics = np.zeros(HARMONICS + 1, dtype=complex)
         harmonics[: fit.harmonics.size] = fit.harmonics
         deviations = np.full(HARMONICS + 1, np.inf)
@@ -368,25 +370,43 @@ class Target:
         covariance = np.linalg.pinv(fit.design.T @ fit.design)
         return Seen(Cycle(T, harmonics), float(scatter * np.sqrt(covariance[-1, -1])), deviations)
 
+    def _known_scatter(self) -> float | None:
+        """Standard deviation of a mean of `_late_samples` by the noise that is known, None without one."""
+        return None if self.noise is None else self.noise / float(np.sqrt(self._averaged))
+
+    @property
+    def _averaged(self) -> int:
+        """How many samples of the second half make one of those that are compared."""
+        return -(-int(self._late.sum()) // MOST_TRACE_SAMPLES)
+
+    @property
+    def _late(self) -> NDArray[np.bool_]:
+        """Which samples are in the second half."""
+        late: NDArray[np.bool_] = self.times >= (self.times[0] + self.times[-1]) / 2
+        return late
+
     def _late_samples(self) -> tuple[Array, Array]:
         """Times (s) from the first one on and drop power of the second half; samples of long traces are averaged."""
-        late = self.times >= (self.times[0] + self.times[-1]) / 2
-        every = -(-int(late.sum()) // MOST_TRACE_SAMPLES)
+        late = self._late
+        every = self._averaged
         kept = late.sum() // every * every
         t = self.times[late][:kept].reshape(-1, every).mean(axis=1)
         drop = self.drop[late][:kept].reshape(-1, every).mean(axis=1)
         return t - t[0], drop
 
 
-def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
+def targets_of(traces: xr.Dataset | Sequence[xr.Dataset], noise: float | Sequence[float] | None = None) -> list[Target]:
     """Check the traces and determine their periods: one `Target` for each.
 
     traces: each with drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
+    noise: standard deviation of a sample in the unit of its trace, one for all or one for each, None to estimate it.
     """
-    return [_target(f"traces[{k}]", trace) for k, trace in enumerate(datasets("traces", traces))]
+    given = datasets("traces", traces)
+    sizes = noises(noise, len(given))
+    return [_target(f"traces[{k}]", trace, sizes[k]) for k, trace in enumerate(given)]
 
 
-def _target(name: str, trace: xr.Dataset) -> Target:
+def _target(name: str, trace: xr.Dataset, noise: float | None) -> Target:
     for variable in ("time", "drop"):
         if variable not in trace.variables:
             raise InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
@@ -407,4 +427,4 @@ def _target(name: str, trace: xr.Dataset) -> Target:
     mark = int(mark) if isinstance(mark, bool | np.bool_) else mark
     settled = "initial" in light or bool(checks.integer(f"{name}.attrs['settled']", mark, 0, 1))
     unit = str(trace["drop"].attrs.get("units", "W"))
-    return Target(period, unit, power, detuning, t - min(t[0], 0.0), drop, settled)
+    return Target(period, unit, power, detuning, t - min(t[0], 0.0), drop, settled, noise)

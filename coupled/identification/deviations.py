@@ -50,8 +50,11 @@ def white_noise(t: Array, drop: Array) -> float:
 
 
 def without_noise(targets: list[Target]) -> bool:
-    """Whether no trace has white noise above 1e-4 of its swing, as those of a simulation."""
-    return all(white_noise(target.times, target.drop) < SMOOTH * target.seen.cycle.scale for target in targets)
+    """Whether no trace has white noise above 1e-4 of its swing, as those of a simulation; never where it is known."""
+    known = any(target.noise is not None for target in targets)
+    return not known and all(
+        white_noise(target.times, target.drop) < SMOOTH * target.seen.cycle.scale for target in targets
+    )
 
 
 def curvature(what: Unknowns, targets: list[Target], stage: Stage, x: Array, prior: Prior) -> Curvature:

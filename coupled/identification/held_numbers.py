@@ -23,6 +23,7 @@ WEAK = 0.02  # slope of a parameter, below which a held number does not matter
 HELD_STEP = 5e-3  # of a held number, by which it is moved for a derivative
 IGNORED = {"lumped_fcd", *COMPUTED}  # the lumped term is one of ``fcd``; the others are computed from fields
 WIDTH = 100  # characters of a line
+MOST_LINES = 12  # of the text of a fit
 SHOWN = 3  # notes that are shown whole
 
 
@@ -79,15 +80,19 @@ def summary(
     sensitivities: Mapping[str, Mapping[str, float]],
     notes: Sequence[str],
 ) -> str:
-    """Text of a fit: a title, a line for each parameter (SI), the held numbers that matter most, and the notes."""
+    """Text of a fit: a title, a line for each parameter (SI), the held numbers that matter most, and the notes.
+
+    At most `MOST_LINES` lines, if the parameters leave room: the last one says how many of the notes are left out.
+    """
     lines = [title]
     for name, value in parameters.items():
         deviation = deviations.get(name)
         bar = "" if deviation is None else f" +- {deviation:.2g}"
         lines.append(f"  {name:<20} {value:.5g}{bar}")
-    lines += [f"  held: {line}" for line in leaning(sensitivities)]
-    lines += [textwrap.shorten(f"  note: {note}", WIDTH, placeholder=" ...") for note in notes[:SHOWN]]
-    more = len(notes) - SHOWN
-    if more > 0:
-        lines.append(f"  and {more} more, in .notes")
-    return "\n".join(lines)
+    further = [f"held: {line}" for line in leaning(sensitivities)]
+    further += [textwrap.shorten(f"note: {note}", WIDTH - 2, placeholder=" ...") for note in notes]
+    room = max(MOST_LINES - len(lines), 1)
+    if len(further) > room:
+        hidden = len(further) - room + 1
+        further = [*further[: room - 1], f"and {hidden} more lines, in .sensitivities and .notes"]
+    return "\n".join([*lines, *(f"  {line}" for line in further)])

@@ -105,6 +105,7 @@ def identify(
     seed: int = 1,
     show_bar: bool = False,
     held: Mapping[str, float] | None = None,
+    noise: float | Sequence[float] | None = None,
 ) -> Identification:
     """Fit parameters of a ring, its carriers and its thermal model to one or several drop traces at once.
 
@@ -147,6 +148,9 @@ def identify(
         whether to draw a bar on the terminal.
     held : mapping of name to float, optional
         standard deviations (SI) of numbers of the ring that are held; those of the result then contain them.
+    noise : float or sequence of float, optional
+        standard deviation of a sample in the unit of its trace, one for all or one for each, where it is known: the
+        misfit and the deviations are then those of this noise. By default estimated from each trace.
 
     Returns
     -------
@@ -169,7 +173,7 @@ def identify(
     what = unknowns(ring, free, model, bounds)
     contradicted = () if model is None else notes_of(check_model(ring, model, what.build(what.start)[1]))
     held = held_deviations(held, [*held_numbers(ring, what.names)], what.names)
-    targets = targets_of(traces)
+    targets = targets_of(traces, noise)
     seed = checks.seed(seed)
     runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")
     with bar("identify", runs, show_bar) as advance:
@@ -253,12 +257,19 @@ def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, En
     if misfit > NOISE_LEVEL:
         return _failed(_soft_fit(what, targets, end.x), f"the traces by {misfit:.3g} times their noise")
     wide = curvature(what, targets, STAGES[-1], end.x, start)
-    many = np.count_nonzero(end.r) > MANY + end.x.size
-    deviations = unknown_as_inf(wide.deviations * (misfit if many else max(misfit, 1.0)))
+    deviations = unknown_as_inf(wide.deviations * _noise_factor(targets, end, misfit))
     step = end.x - start.centre
     off = float(np.sqrt(step @ start.precision @ step / step.size))
     notes = doubts(what, deviations, np.exp(end.x), wide.factor, off)
     return Judgement(end.x, deviations, False, notes + _others(end.x, deviations, misfit, others))
+
+
+def _noise_factor(targets: list[Target], end: End, misfit: float) -> float:
+    """The noise that the residuals show over the expected one: 1 where it is known, and at least 1 by few residuals."""
+    if all(target.noise is not None for target in targets):
+        return 1.0
+    many = np.count_nonzero(end.r) > MANY + end.x.size
+    return misfit if many else max(misfit, 1.0)
 
 
 def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:

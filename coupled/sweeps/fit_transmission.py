@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from thermofem import Foster, checks
+from thermofem import Foster
 from thermofem.arrays import Array
 from thermofem.data import dataset
 from thermofem.models import HasModel, ThermalModel
@@ -16,7 +16,7 @@ from thermofem.models.foster import second_order_poles
 
 from ..heaters import driving
 from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, summary
-from ..inputs import check_ring, datasets
+from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import notes_of
@@ -140,7 +140,7 @@ def fit_transmission(
     """
     check_ring(ring)
     given = datasets("sweeps", sweeps)
-    sizes = _noises(noise, len(given))
+    sizes = noises(noise, len(given))
     data = []
     for k, (sweep, size) in enumerate(zip(given, sizes, strict=True)):
         data.append(read_sweep(f"sweeps[{k}]", sweep, ring, size))
@@ -152,18 +152,6 @@ def fit_transmission(
     deviations = held_deviations(held, [*values], free)
     search, end, other = with_other_answer(search, searched(search, search.start), bounds)
     return _result(search, end, other, values, deviations, notes_of(doubts))
-
-
-def _noises(noise: float | Sequence[float] | None, count: int) -> list[float | None]:
-    """One standard deviation for each sweep, None where it is to be estimated; InputError for other numbers."""
-    if noise is None:
-        return [None] * count
-    sizes = np.atleast_1d(checks.numbers("noise", noise))
-    if sizes.size not in (1, count):
-        raise checks.InputError(f"noise holds {sizes.size} numbers for {count} sweeps", "give one, or one for each")
-    for size in sizes:
-        checks.positive("noise", float(size), hint="a standard deviation in the unit of the sweep")
-    return [float(size) for size in np.broadcast_to(sizes, count)]
 
 
 class Spread(NamedTuple):

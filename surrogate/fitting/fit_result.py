@@ -32,8 +32,10 @@ class Fit(HasModel):
         inf where a time constant beyond the data decides, as ``notes`` say.
     correlations : array, shape (parameters, parameters)
         in the order of ``parameters``.
-    residual : float, K
+    residual : float, in residual_unit
         rms over all samples.
+    residual_unit : str
+        "K"; of light behind an interferometer "W", "V", or "" of an arbitrary one.
     relative_residual : float
         rms of residual over swing, each Dataset by its own swing.
     training : tuple of str
@@ -62,6 +64,7 @@ class Fit(HasModel):
     swarm_residual: float | None = None
     misfit_is_noise: bool | None = None
     training_period: float | None = None
+    residual_unit: str = "K"
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -70,7 +73,9 @@ class Fit(HasModel):
         rows = []
         for name, value in self.parameters.items():
             rows.append((name, f"{value:.4g} ± {self.standard_errors[name]:.1g}"))
-        rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))
+        rows.append(
+            ("misfit", f"{self.residual:.3g} {self.residual_unit} rms, {self.relative_residual:.2%} of the swing")
+        )
         rows += [("trained on", text) for text in self.training]
         rows += [("note", text) for text in self.notes]
         return card("Fit", rows, self.model._repr_html_())
@@ -84,7 +89,7 @@ class Fit(HasModel):
             "training": list(self.training),
             "parameters": dict(self.parameters),
             "standard_errors": files.plain(self.standard_errors),
-            "residual_K": self.residual,
+            "residual_K": self.residual if self.residual_unit == "K" else None,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),
             "training_period": self.training_period,

@@ -10,7 +10,7 @@ heating was found in a measured trace, its share u of the range w is searched wi
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from scipy.optimize import approx_fprime, least_squares
 from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array, correlations, deviations, independent, rms
 from thermofem.data import quantity
-from thermofem.data.dataset import START_FROM, Response, responses_of
+from thermofem.data.dataset import LIGHT_UNIT, START_FROM, Response, responses_of
 
 from .fit_result import UNSEEN, Fit, lowers_only_noise, pole_parameters
 from .pole_projection import by_trace, covariance, late_responses
@@ -119,7 +119,9 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, read
     visibility = np.hypot(b, c) / a
     bias = np.arctan2(-c, b)
     end = np.append(unknowns, [visibility, bias, a])
-    return _concluded(problem, end, residuals, order)
+    units = {dataset.attrs.get(LIGHT_UNIT, "") for dataset in datasets}
+    unit = units.pop() if len(units) == 1 else ""
+    return replace(_concluded(problem, end, residuals, order), residual_unit=unit)
 
 
 def _smallest(problem: Optical) -> tuple[int, Array]:

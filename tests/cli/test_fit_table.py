@@ -134,7 +134,7 @@ def test_a_model_of_volts_says_so_wherever_it_is_used(tmp_path):
     assert "V/mW" in card
     assert "K/mW" not in card
     used = run("simulate", model, "--duration", "1 us", "-o", tmp_path / "t.nc")
-    assert "trained on a voltage that counts as kelvin" in used.output
+    assert "trained on data in which 1 V counts as 1 K" in used.output
     comma = run("fit", path, "--pulse", "4 us", "--power", "1,3 mW")
     assert "has a comma in its number; decimals follow a point" in str(comma.exception)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 
 import pytest
 from commands import thermofem
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
-from thermofem_cli import COMMANDS, app
+from thermofem_cli import COMMANDS, app, console
 from thermofem_cli.console import written
 from thermofem_cli.inputs.light_drives import detuning_of
 
@@ -35,6 +36,31 @@ def test_doctor_gives_its_checks_as_numbers_and_its_exit_code(monkeypatch):
 def test_every_command_takes_the_shared_options(name):
     text = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output
     assert all(option in text for option in ("--json", "--quiet", "-q", "--verbose", "-v", "--seed", "--threads"))
+
+
+def test_a_warning_that_is_repeated_is_printed_once_and_counted(capsys):
+    """27 warnings that differ by a number, two of another kind, and a single one."""
+    console.configure(json=False, quiet=False, verbose=False, threads=None)
+    log = logging.getLogger("thermofem.of_a_test")
+    for k in range(27):
+        log.warning("member %d: the domain error is %.1e", k, 1e-2 / (k + 1))
+    for _ in range(2):
+        log.warning("the mesh is coarse")
+    log.warning("alone")
+    console.note_repeated()
+    assert capsys.readouterr().err.splitlines() == [
+        "member 0: the domain error is 1.0e-02",
+        "the mesh is coarse",
+        "alone",
+        "26 more warnings, alike but for numbers (--verbose prints them): member 0: the domain error is 1.0e-02",
+        "1 more warnings, the same: the mesh is coarse",
+    ]
+    console.configure(json=False, quiet=False, verbose=True, threads=None)
+    for k in range(3):
+        log.warning("member %d", k)
+    console.note_repeated()
+    assert capsys.readouterr().err.splitlines() == ["member 0", "member 1", "member 2"]
+    console.configure(json=False, quiet=False, verbose=False, threads=None)
 
 
 def test_json_is_alone_on_standard_output(tmp_path):

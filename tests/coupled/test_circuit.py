@@ -326,7 +326,7 @@ def test_scatter_is_normal_and_reproducible():
 
 
 def test_rings_of_a_chain_are_shifted_and_the_first_is_the_reference():
-    """Detunings count from the first ring, 2 GHz above RING: light passes it and leaves by the drop port of the other."""
+    """Detunings count from the first ring, 2 GHz above RING: light passes it and leaves by the other's drop port."""
     bus = coupled.bus([RING, RING], shift=[2e9, 5e9])
     assert bus.frequency == bus.resonators[0].frequency == pytest.approx(RING.frequency + 2e9, rel=1e-12)
     detuning = np.array([-1e9, 0.5e9, 3e9])

@@ -304,6 +304,9 @@ def test_a_heater_moves_the_resonance(browser, heater_file, capsys):
     page.goto(heater_file.as_uri())
     settled(page)
     assert page.input_value("#h0") == "1"
+    shift = float(re.search(r"mW; ([\d.]+) pm/K; heater to core: 1.000 K/mW, ", page.inner_text("#numbers"))[1])
+    assert f"heater to core: 1.000 K/mW, {shift:.1f} pm/mW" in page.inner_text("#numbers")  # 1 K/mW: 1100 - 100 K/W
+    assert "heater to core" in page.inner_html("#step")
     assert float(page.evaluate("ringPage.setting(ringPage.shown.trace.request).rise")) == pytest.approx(1, rel=1e-12)
     page.fill("#h0", "8")
     page.wait_for_function("ringPage.shown.map && ringPage.shown.map.window.detuning[0] < -100", timeout=60_000)

@@ -100,6 +100,21 @@ def test_white_noise_is_read_off_a_smooth_trace():
         assert white_noise(times, noisy) == pytest.approx(3e-6, rel=4 * 1.17 / np.sqrt(5000 / 7))
 
 
+def test_noise_that_is_known_decides_the_deviations():
+    """A mean of n samples of a known noise s has the deviation s sqrt(2/n) in a harmonic, whatever the trace shows."""
+    trace = measured(RING, EXPERIMENT, 6.31e-3, 0.0, noise=0.0)
+    (target,) = targets_of(trace, noise=2e-5)
+    assert without_noise(targets_of(trace))
+    assert not without_noise([target])
+    finite = target.seen.deviations[np.isfinite(target.seen.deviations)]
+    assert finite == pytest.approx(2e-5 * np.sqrt(2 / 3000), rel=1e-3, abs=0)  # 3000 samples in the second half
+    resting = trace.assign(drop=0 * trace["drop"] + 1e-3)
+    (level,) = targets_of(resting.assign_attrs(trace.attrs), noise=2e-5)
+    assert level.seen.deviations[0] == pytest.approx(2e-5 * np.sqrt(2 / 3000), rel=1e-3, abs=0)
+    with pytest.raises(th.InputError, match="noise holds 2 numbers for 1 records"):
+        targets_of(trace, noise=[1e-5, 1e-5])
+
+
 def test_deviations_of_a_model_that_fits_no_two_traces():
     """Two rings whose bus rates differ by 2 %: each fit without one trace finds one of them, half of that off."""
     traces = [

@@ -14,7 +14,7 @@ from scipy.constants import c
 
 import coupled
 import thermofem as th
-from coupled.identification.held_numbers import leaning
+from coupled.identification.held_numbers import leaning, summary
 from coupled.sweeps.slow_sweeps import with_seen_resonance
 from coupled.sweeps.sweep_doubts import correlation_of
 from coupled.unknowns import varied
@@ -189,7 +189,7 @@ def test_known_noise_sets_the_deviations():
     known = [coupled.fit_transmission(START, one, free=RATES, noise=size) for size in (0.2, 0.4)]
     first, second = (found.standard_deviations["loss_rate"] for found in known)
     assert second / first == pytest.approx(2, rel=0.05)  # sqrt((.4^2 + .04^2)/(.2^2 + .04^2)) is 1.97
-    with pytest.raises(th.InputError, match="noise holds 2 numbers for 1 sweeps"):
+    with pytest.raises(th.InputError, match="noise holds 2 numbers for 1 records"):
         coupled.fit_transmission(START, one, free=["loss_rate"], noise=[0.01, 0.02])
 
 
@@ -227,6 +227,17 @@ def test_a_fit_prints_in_a_dozen_lines():
     assert len(lines) <= 12
     assert max(map(len, lines)) <= 100
     assert any(line.split()[:2] == ["bus_rate", f"{found.parameters['bus_rate']:.5g}"] for line in lines)
+
+
+def test_a_summary_of_many_notes_has_twelve_lines_and_counts_the_rest():
+    """Five parameters and a title leave six lines: three held numbers, two notes, and what is left of nine notes."""
+    numbers = dict.fromkeys("abcde", 1.0)
+    leaning = {"a": {"x": 3.0, "y": 2.0, "z": 1.0}}
+    lines = summary("A fit", numbers, {}, leaning, [f"doubt {k} " + "word " * 40 for k in range(9)]).splitlines()
+    assert len(lines) == 12
+    assert max(map(len, lines)) <= 100
+    assert lines[6].strip() == "held: a moves by +3 % for 1 % of x"
+    assert lines[-1].strip() == "and 7 more lines, in .sensitivities and .notes"
 
 
 @pytest.mark.parametrize(("port", "y"), [("through", dip(8e9, 3e9)), ("drop", peak())])

@@ -89,9 +89,11 @@ def delayed(tmp_path):
 
 def test_the_start_of_another_part_is_not_searched(delayed):
     """The delay of diffusion is no late start: it would be 370 +- 13 ns, 28 deviations."""
-    with pytest.raises(th.InputError, match=r'by diffusion.*--start "0 s" or the header of a column'):
+    with pytest.raises(th.InputError, match=r"""by diffusion.*--start "0 s" or --start 'gate \(V\)'$"""):
         th.read_trace(delayed, 5e-3, heated="heater", read="core")
     found = th.read_trace(delayed, 5e-3)
+    assert "'gate (V)' has two levels, as a drive has: --start 'gate (V)'" in found.attrs["assumed"]
+    assert "two levels" not in th.read_trace(delayed, 5e-3, start="0 s").attrs["assumed"]
     with pytest.raises(th.InputError, match="as if the heated part were read"):
         surrogate.fit_foster(found, order=3, transfer=True)
     with pytest.raises(th.InputError, match="two levels"):

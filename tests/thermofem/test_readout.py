@@ -1,6 +1,7 @@
 """Read-outs of heat with one time constant against closed forms, and of any Dataset and model."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -134,7 +135,16 @@ def test_one_command_fits_a_trace_behind_an_interferometer(tmp_path):
     table = np.column_stack([times * 1e6, light])
     np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header="time (us),light (V)", comments="")
     words = ["--readout", "mzi", "--order", "1", "--power", "10 mW", "--pulse", "20 us", "--start", "0 us"]
-    words += ["--phase", "0.4 rad/K", "--json", "-o"]
-    found = json.loads(thermofem("fit", "trace.csv", *words, "m.json", cwd=tmp_path).stdout)
+    phase = ["--phase", "0.4 rad/K"]
+    done = thermofem("fit", "trace.csv", *words, *phase, "--json", "-o", "m.json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    size, unit = re.search(r"misfit = (\S+) (\S+) rms, ", done.stderr).groups()
+    assert unit == "V"  # of the photodiode; its noise is 2 mV, known to 1/sqrt(600)
+    assert float(size) == pytest.approx(2e-3, rel=0.15, abs=0)
+    assert re.search(r"half_power = \S+ ± \S+ m?V$", done.stderr, re.MULTILINE)
     for name, true in (("R_1", 1000.0), ("tau_1", 4e-6), ("visibility", 0.9), ("bias", 0.7), ("half_power", 0.85)):
         assert abs(found["parameters"][name] - true) < 5 * found["standard_errors"][name], name
+    bare = thermofem("fit", "trace.csv", *words, "-o", "bare.json", cwd=tmp_path)
+    assert "1 rad counts as 1 K, so R and R_th are in rad/W" in bare.stderr
+    (R,) = re.findall(r"R_1 = (\S+) ± \S+ rad/W$", bare.stdout, re.MULTILINE)
+    assert float(R) == pytest.approx(0.4 * found["parameters"]["R_1"], rel=1e-2)

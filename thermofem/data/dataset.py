@@ -35,6 +35,7 @@ TRAINING = "a Dataset of time, delta_T, and power or the waveform that heated"
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
+LIGHT_UNIT = "light_unit"  # of a trace of light: "W", "V", or "" of an arbitrary unit
 START_FROM = "start_from"  # the same: "given", or found by the "rise" of the part that is heated or by "light"
 _NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 _OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"

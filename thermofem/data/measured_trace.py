@@ -106,16 +106,17 @@ def read_trace(
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         if light:
-            y = _light(chosen[1], stated["temperature"], said)
+            y, light_unit = _light(chosen[1], stated["temperature"], said)
         else:
             y = _temperatures(table, chosen[1], stated["temperature"], sensitivity, wave, said)
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
         first, within = _start(table, t, start, said)
+        drives = _drives(table, chosen)
         if first is None and wave is not None and None not in (heated, read) and heated != read:
             raise checks.InputError(
                 f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not "
                 "searched",
-                'give --start, such as --start "0 s" or the header of a column of the drive',
+                f'give --start, such as --start "0 s"{"".join(f" or --start {name!r}" for name in drives)}',
             )
         if watts is None:  # a power column jumps at a time that stands twice
             t, y = _distinct(t, y, said)
@@ -133,6 +134,10 @@ def read_trace(
             times, rise, about = heating_start.rise_of(rows, first, level, fall, watts is not None)
         searched = "light" if light else "rise"
         about[dataset.START_FROM] = searched if first is None else "given"
+        if first is None:
+            said += [
+                f"{name!r} has two levels, as a drive has: --start {name!r} takes its first edge" for name in drives
+            ]
         if within:
             about[dataset.START] = within
     sources = [f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)]
@@ -141,6 +146,8 @@ def read_trace(
     attributes["assumed"] = "\n".join(said)
     if heated is not None:
         attributes["heated"] = heated
+    if light:
+        attributes[dataset.LIGHT_UNIT] = light_unit
     part = read or temperature or "core"
     return dataset.build(times, rise, wave, read=(part,), attributes=attributes | about)
 
@@ -159,16 +166,28 @@ def _start(table: NumberTable, t: Array, start: str | float | None, said: list[s
     if all(start not in (column.header, column.name) for column in table.columns):
         return quantity.parse(start, "s", name="--start"), 0.0
     column = _named(table, "start", start)
-    low = column.values.min()
-    swing = np.ptp(column.values)
-    between = (column.values > low + LEVEL * swing) & (column.values < low + (1 - LEVEL) * swing)
-    if not swing > 0 or between.mean() > EDGES:
+    if not _has_two_levels(column):
         rule = "has not two levels, as a drive that is switched has"
         raise checks.InputError(f"--start = {checks.shown(start)}: {column.label} {rule}", "give --start in s")
-    edge = int(np.argmax(np.diff(column.values > low + swing / 2)))
+    above = column.values > column.values.min() + np.ptp(column.values) / 2
+    edge = int(np.argmax(np.diff(above)))
     middle = float(t[edge] + t[edge + 1]) / 2
     said.append(f"the heating begins at {quantity.rounded(middle, 's', 4)}, the first edge of {column.label}")
     return middle, float(t[edge + 1] - t[edge])
+
+
+def _has_two_levels(column: Column) -> bool:
+    """Whether nearly all rows are at the lowest or the highest value, as those of a drive that is switched."""
+    low = column.values.min()
+    swing = np.ptp(column.values)
+    between = (column.values > low + LEVEL * swing) & (column.values < low + (1 - LEVEL) * swing)
+    return bool(swing > 0 and between.mean() <= EDGES)
+
+
+def _drives(table: NumberTable, chosen: Sequence[Column]) -> list[str]:
+    """Headers of the columns of two levels beside the chosen ones."""
+    others = [column for column in table.columns if column.header and column not in chosen]
+    return [column.header for column in others if _has_two_levels(column)]
 
 
 def _columns(
@@ -267,15 +286,16 @@ def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> A
     return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
-def _light(column: Column, given: str, said: list[str]) -> Array:
-    """Light in W, V, or the unit that the table counts in."""
+def _light(column: Column, given: str, said: list[str]) -> tuple[Array, str]:
+    """Light in W, V, or the unit that the table counts in, and that unit: "W", "V", or "" of an arbitrary one."""
     unit = given or column.unit
     if not unit:
         said.append(f"{column.label} states no unit: light in an arbitrary one")
     scale = scale_of(unit or "W")
     if scale is None or scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
         raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of light", ASK_UNITS)
-    return checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
+    light = checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
+    return light, {POWER: "W", VOLTAGE: "V"}.get(scale.dimensions, "") if unit else ""
 
 
 def _temperatures(

@@ -159,9 +159,11 @@ def note_ring(ring: RingResonator, given: str) -> None:
     note(f"light and carriers are those of the ring {ring.name!r}{hint}")
 
 
-def in_volts(assumed: Any) -> bool:
-    """Whether a model was trained on volts that count as kelvin, by the lines ``assumed`` of its file."""
-    return isinstance(assumed, list) and any("1 V counts as 1 K" in str(line) for line in assumed)
+def kelvin_of(assumed: Any) -> str:
+    """Unit that counts as kelvin in a model, by the lines ``assumed`` of its file: "V", "rad", or "K" itself."""
+    lines = assumed if isinstance(assumed, list) else []
+    found = re.search(r"1 (V|rad) counts as 1 K", " ".join(map(str, lines)))
+    return found[1] if found else "K"
 
 
 def check_channel(model: Any, heated: str | None, read: str | None) -> None:
@@ -180,8 +182,10 @@ def model_of(
     """
     expect(path, "model")
     model: ThermalModel = load_model(path)
-    if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
-        note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
+    unit = kelvin_of((getattr(model, "origin", None) or {}).get("assumed"))
+    if unit != "K":
+        option = {"V": "--sensitivity", "rad": "--phase"}[unit]
+        note(f"warning: {path} was trained on data in which 1 {unit} counts as 1 K; train it with `fit {option}`")
     check_channel(model, heated, read)
     parts = getattr(model, "heated", model.inputs)
     for name in heaters:

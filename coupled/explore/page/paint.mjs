@@ -85,7 +85,7 @@ function paintPlane(ring, colours) {
   $("numbers").textContent = numbers(ring, window);
 }
 
-/** R_th, pm/K, thermal noise, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
+/** R_th, pm/K, what heaters do per mW, thermal noise, and the lowest powers of self-pulsing and of bistability in a window of the plane. */
 function numbers(ring, { detuning }) {
   const perKelvin = toPicometres(ring.internal.thermal_shift / (2 * Math.PI), ring);
   const lowest = (curves, what) => {
@@ -99,7 +99,11 @@ function numbers(ring, { detuning }) {
   const model = modelOf(page.state, page.data);
   const jitter = (fluctuation(model, 300) * ring.internal.thermal_shift * 1e3) / (2 * Math.PI); // rad/ns/K: MHz
   const heat = `R_th = ${(1e-3 * sumOf(model.R)).toPrecision(4)} K/mW; ${perKelvin.toPrecision(3)} pm/K`;
-  return `${heat}; thermal noise ${Math.abs(jitter).toPrecision(2)} MHz rms at 300 K${thresholds}.`;
+  const heaters = Object.entries(model.heaters || {}).map(([name, R]) => {
+    const resistance = 1e-3 * sumOf(R);
+    return `; ${name} to ${model.read}: ${resistance.toPrecision(4)} K/mW, ${(perKelvin * resistance).toPrecision(3)} pm/mW`;
+  });
+  return `${heat}${heaters.join("")}; thermal noise ${Math.abs(jitter).toPrecision(2)} MHz rms at 300 K${thresholds}.`;
 }
 
 function paintHeat(colours) {

@@ -110,19 +110,28 @@ function withNames(width, height, { across, up, models, extra = [], zoom, label 
   return fig.done(label);
 }
 
+/** What each heater does to the temperature that the chosen model reads, as models; their colours follow those of all. */
+function transfersOf({ heaters = {}, read, tau }, models) {
+  const next = Math.max(...models.map(({ place }) => place)) + 1;
+  return Object.entries(heaters).map(([name, R], k) => ({ name: `${name} to ${read}`, R, tau, place: next + k }));
+}
+
 /** models: { name, R, tau, place } with the place that gives the colour; chosen: the place of the present one. */
 export function stepFigure(width, height, { models, chosen, reference, kept, zoom }, colours) {
   const times = geometric(...timeSpan(models), 160);
   const extra = reference ? [{ name: reference.name, colour: colours.ink, mark: "dot" }] : [];
   const across = { domain: [times[0], times.at(-1)], label: "Time after the step" };
-  const top = Math.max(...[...models, ...(kept ? [kept.model] : [])].map((m) => sumOf(m.R))) / 1e3;
   const present = models.find((m) => m.place === chosen);
+  const transfers = transfersOf(present, models);
+  const drawn = [...models, ...transfers];
+  const top = Math.max(...[...drawn, ...(kept ? [kept.model] : [])].map((m) => sumOf(m.R))) / 1e3;
   const up = { domain: [0, 1.06 * top], label: "Rise (K/mW)", read: (t) => stepResponse(present, [t])[0] / 1e3 };
   const label = "Step response of every compact model";
-  return withNames(width, height, { across, up, models, extra, zoom, label }, colours, (x, y) => {
+  return withNames(width, height, { across, up, models: drawn, extra, zoom, label }, colours, (x, y) => {
     const line = (model, ...look) => stroke(curve(x, y, times, stepResponse(model, times).map((v) => v / 1e3)), ...look); // prettier-ignore
     let content = kept ? line(kept.model, colours.soft, 1.4, "5 3") : "";
     for (const model of models) content += line(model, colourOf(model.place, colours), model.place === chosen ? 2.8 : 1.6);
+    for (const transfer of transfers) content += line(transfer, colourOf(transfer.place, colours), 1.6, "2 3");
     return content + (reference ? reference.times.map((t, k) => dot(x(t), y(reference.rise[k] / 1e3), 3, "none", colours.ink)).join("") : "");
   });
 }
