@@ -271,3 +271,14 @@ def test_a_circuit_is_exported_with_a_deck_that_ngspice_runs(folder, tmp_path):
     last = dict(zip(names.split(","), map(float, rows[-1].split(",")), strict=True))
     for port, name in {"out": "out", "a.drop": "a_drop", "b.drop": "b_drop"}.items():
         assert last[name] == pytest.approx(rest["output"].sel(port=port).item(), rel=1e-3)
+
+
+def test_the_export_of_a_quiet_ring_says_that_this_is_normal(tmp_path):
+    """At 10 uW no equilibrium of the paper's ring oscillates: it has no period, and the file is written."""
+    surrogate.save_model(th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]), tmp_path / "heat.json")
+    asked = ("export", "heat.json", "--ring", "borghi2021", "--to", "spice", "--power", "-20 dBm")
+    done = thermofem(*asked, "--json", cwd=tmp_path)
+    assert "quiet at this power and detuning, which is normal" in done.stderr
+    numbers = json.loads(done.stdout)
+    assert numbers["period"] is None
+    assert (tmp_path / numbers["demo"]).is_file()
