@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -112,6 +113,7 @@ def fit(
         "parameters": dict(getattr(fitted, "parameters", {})),
         "standard_errors": dict(getattr(fitted, "standard_errors", {})),
         "thermal_resistance": fitted.model.thermal_resistance,
+        "thermal_resistance_deviation": _deviation(fitted),
         "residual": fitted.residual,
         "relative_residual": fitted.relative_residual,
         "notes": list(getattr(fitted, "notes", ())),
@@ -144,6 +146,12 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
     return surrogate.fit_foster(training, order=poles, readout=readout)
 
 
+def _deviation(fitted: Any) -> float | None:
+    """Standard deviation of R_th in K/W, None of a kind of model that has none."""
+    deviation = float(getattr(fitted, "thermal_resistance_deviation", math.nan))
+    return None if math.isnan(deviation) else deviation
+
+
 def _print(fitted: Any, kind: str, kelvin: str) -> None:
     """Print the equations of a network, or parameters with errors; R_th; the misfit; undetermined time constants.
 
@@ -162,7 +170,7 @@ def _print(fitted: Any, kind: str, kelvin: str) -> None:
         units = {name: parameter_unit(name) for name in fitted.parameters}
         units |= {"half_power": fitted.residual_unit, "bias": "rad"}
         rows += [(name, written(value, units[name], errors[name])) for name, value in fitted.parameters.items()]
-    rows.append(("R_th", written(fitted.model.thermal_resistance, "K/W")))
+    rows.append(("R_th", written(fitted.model.thermal_resistance, "K/W", _deviation(fitted))))
     noise = {True: ", noise", False: ", systematic", None: ""}[getattr(fitted, "misfit_is_noise", None)]
     size = f"{fitted.residual:.3g} {getattr(fitted, 'residual_unit', 'K')}".rstrip()
     rows.append(("misfit", f"{size} rms, {100 * fitted.relative_residual:.2g} % of the swing{noise}"))

@@ -347,7 +347,17 @@ class Training:
             swarm_residual=best.swarm_residual,
             misfit_is_noise=best.noise,
             training_period=common([r.wave.period for r in self.problem.responses]),
+            thermal_resistance_deviation=self.resistance_deviation(best),
         ).recorded()
+
+    def resistance_deviation(self, best: Optimum) -> float:
+        """Standard deviation of R_th = sum_i g_i/lambda_i in K/W, by its derivatives -R_i and tau_i; see `Optimum`."""
+        tau = np.exp(-best.log_rate)
+        slope = np.concatenate([-best.gain * tau, tau])
+        if undetermined(best, self.problem.span, slope[np.newaxis])[0]:
+            return float("inf")
+        variance = float(slope @ best.covariance @ slope)
+        return float(np.sqrt(max(variance, 0.0)))
 
 
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:

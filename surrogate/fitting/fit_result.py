@@ -50,6 +50,9 @@ class Fit(HasModel):
         whether the misfit is no larger than the scatter of the rows at rest or, without such rows, is white noise.
     training_period : float or None, s
         of the drive, where all Datasets have the same.
+    thermal_resistance_deviation : float, K/W
+        one standard deviation of R_th, which contains the correlations of the poles; nan where it is not computed. An
+        error of the power is not in it.
     """
 
     model: Foster
@@ -65,6 +68,7 @@ class Fit(HasModel):
     misfit_is_noise: bool | None = None
     training_period: float | None = None
     residual_unit: str = "K"
+    thermal_resistance_deviation: float = float("nan")
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -89,6 +93,7 @@ class Fit(HasModel):
             "training": list(self.training),
             "parameters": dict(self.parameters),
             "standard_errors": files.plain(self.standard_errors),
+            "thermal_resistance_deviation": files.plain(self.thermal_resistance_deviation),
             "residual_K": self.residual if self.residual_unit == "K" else None,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),

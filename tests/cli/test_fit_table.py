@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -81,11 +82,38 @@ def test_standard_errors_cover_a_start_and_a_baseline_that_were_found(truth, t, 
         rows = zip(t.tolist(), y.tolist(), strict=True)
         path.write_text("t (s),T (K)\n" + "".join(f"{a!r},{b!r}\n" for a, b in rows))
         fit = surrogate.fit_foster(read_trace(path, th.Constant(power)), order=2)
-        pulls.append([(fit.parameters[name] - truth[name]) / fit.standard_errors[name] for name in truth])
+        pull = [(fit.parameters[name] - truth[name]) / fit.standard_errors[name] for name in truth]
+        resistance_error = fit.model.thermal_resistance - truth["R_1"] - truth["R_2"]
+        pulls.append([*pull, resistance_error / fit.thermal_resistance_deviation])
         assert cold == 0 or "fitted with the poles" in fit.notes[0]
     # of 40 standard normal numbers the mean is 0 +- .16 and the rms 1 +- .11: four of each
     np.testing.assert_allclose(np.mean(pulls, axis=0), 0, atol=0.64)
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(pulls), axis=0)), 1, atol=0.44)
+
+
+def test_a_start_found_behind_a_slow_rise_is_doubted(tmp_path):
+    """A core under its heater: -170, 850, 1020 K/W at .5, 3, 15 us from 1 us on; the front rises some .4 us later."""
+    t = np.arange(-10e-6, 60e-6, 40e-9)
+    heater = th.Foster(R=[-170.0, 850.0, 1020.0], tau=[0.5e-6, 3e-6, 15e-6])
+    noise = 0.01 * np.random.default_rng(7).standard_normal(t.size)
+    y = heater.response(th.Constant(5e-3), np.maximum(t - 1e-6, 0)) + noise
+    path = tmp_path / "heater.csv"
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="t (s),T (K)", comments="")
+    doubt = "depart from rest by .* give --heated, --read and --start"
+    assert re.search(doubt, read_trace(path, 5e-3).attrs["assumed"])
+    assert "depart" not in read_trace(path, 5e-3, start=1e-6).attrs["assumed"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_start_found_at_a_front_is_not_doubted(seed, tmp_path):
+    """Noise behind a filter of some rows, as of an oscilloscope's bandwidth, before a rise that begins at once."""
+    t = np.arange(-4e-6, 8e-6, 10e-9)
+    white = np.random.default_rng(seed).standard_normal(t.size + 3)
+    noise = 0.03 * np.convolve(white, np.full(4, 0.5), "valid")
+    y = MODEL.response(th.Constant(1e-3), np.maximum(t - 0.43e-6, 0)) + noise
+    path = tmp_path / "front.csv"
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="t (s),T (K)", comments="")
+    assert "depart" not in read_trace(path, 1e-3).attrs["assumed"]
 
 
 def test_a_given_start_and_baseline_are_taken_as_known(tmp_path):
@@ -147,6 +175,7 @@ def test_fit_a_table_and_show_its_model(tmp_path):
     assert done.exit_code == 0, done.output
     numbers = json.loads(done.stdout)
     assert numbers["thermal_resistance"] == pytest.approx(7e3, rel=0.01)
+    assert abs(numbers["thermal_resistance"] - 7e3) < 4 * numbers["thermal_resistance_deviation"] < 100
     assert "baseline" in done.stderr
     card = json.loads(run("show", model, "--json").stdout)
     assert [pole["tau"] for pole in card["poles"]] == surrogate.load_model(model).tau.tolist()

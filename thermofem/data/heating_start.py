@@ -31,6 +31,10 @@ POLES = 30  # time constants of the grid: 12 put the start of two poles a third 
 EXCLUDED = 25.0  # of the variance of a row: a start that raises the sum of squares by more is excluded
 BASELINE_ROWS = 3  # before the heating: fewer make no baseline
 NO_OFFSET = 0.005  # of the swing: an offset below it is none
+EDGE_ROWS = 8  # in a block of rows before the start
+LEAST_BLOCKS = 12
+EDGE_SIGMAS = 6.0  # of the means of blocks: a last one beyond is no rest
+EDGE_SHARE = 1e-3  # of the swing: a smaller departure does not matter
 FOLLOWED = 1e-3  # of the swing: what the grid of time constants leaves of an exact sum of poles
 
 
@@ -110,6 +114,8 @@ def rise_of(
     elif not at_rest:
         offset, independent_rows = _baseline(rows, t0, sampled, what)
         _check_rest(rows, t0)
+        if start is None:
+            _check_edge(rows, t0, what)
     after = t >= t0
     if clipped := clipping(rows.y[~after], rows.unit):  # the rows after it are judged with their drive: `response_of`
         rows.said.append(f"warning: before the heating {clipped}")
@@ -296,6 +302,26 @@ def _check_rest(rows: Rows, start: float) -> None:
         rows.said.append(
             f"warning: the rows before the start drift by {drift:.3g} {rows.unit}: they are not at rest; for a settled "
             "square wave give --baseline and a --start whole periods before the file, such as ten time constants"
+        )
+
+
+def _check_edge(rows: Rows, start: float, what: str) -> None:
+    """Warn where the last rows before the start that was found depart from rest.
+
+    The rise of another part than the heated one begins late and slowly, so that its start is found too late. Blocks of
+    `EDGE_ROWS` rows are compared: the mean of the last one with the means of those before.
+    """
+    before = rows.y[rows.t < start - rows.step]
+    blocks = before.size // EDGE_ROWS
+    if blocks < LEAST_BLOCKS:
+        return
+    means = before[-blocks * EDGE_ROWS :].reshape(blocks, EDGE_ROWS).mean(axis=1)
+    departure = float(means[-1] - np.median(means))
+    scatter = float(np.median(np.abs(np.diff(means[:-1])))) / (0.6745 * np.sqrt(2))
+    if abs(departure) > max(EDGE_SIGMAS * scatter, EDGE_SHARE * rows.swing):
+        rows.said.append(
+            f"warning: the last {EDGE_ROWS} rows before the {what} that was found depart from rest by "
+            f"{departure:.2g} {rows.unit}: if another part was read than heated, give --heated, --read and --start"
         )
 
 

@@ -164,7 +164,10 @@ def _start(table: NumberTable, t: Array, start: str | float | None, said: list[s
     if not isinstance(start, str):
         return start, 0.0
     if all(start not in (column.header, column.name) for column in table.columns):
-        return quantity.parse(start, "s", name="--start"), 0.0
+        try:
+            return quantity.parse(start, "s", name="--start"), 0.0
+        except checks.InputError as error:
+            raise checks.InputError(str(error), f"or the header of a drive, of {table.listed}") from None
     column = _named(table, "start", start)
     if not _has_two_levels(column):
         rule = "has not two levels, as a drive that is switched has"

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..arrays import Array
 from ..checks import InputError, shown
-from .column_units import Scale, scale_of
+from .column_units import TIME, Scale, scale_of
 
 DIVIDERS = ("\t", ";", ",", " ")
 FIRST_ROWS = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
@@ -245,15 +245,32 @@ def _number_columns(cells: Any) -> Any:
 
 
 def _titles(above: list[str], divider: str, width: int) -> list[str]:
-    """Names of the columns in the last line above the table, one for each; empty where it has not one for each.
+    """Names of the columns in the last line above the table, or in the one above a line of units.
 
     Raises InputError: the line begins with a number, like a damaged row.
     """
-    line = above[-1].lstrip(MARKS + " \"'") if above else ""
     if above and _begins_with_number(above[-1]):
         raise InputError(f"the line {above[-1].strip()[:40]!r} above the table is no row of numbers")
+    titles = _titles_in(above[-1:], divider, width)
+    units = [title.strip("()[]") for title in titles]
+    if not _are_units(units):
+        return titles
+    names = _titles_in(above[-2:-1], divider, width)
+    return [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
+
+
+def _titles_in(lines: list[str], divider: str, width: int) -> list[str]:
+    """The cells of one line, or of none; empty where it has not one for each column."""
+    line = lines[0].lstrip(MARKS + " \"'") if lines else ""
     for cells in (_cells(line, divider), _BETWEEN_TITLES.split(line.strip())):
         titles = [cell.strip(" \"'") for cell in cells]
         if len(titles) == width and any(titles):
             return titles
     return [""] * width
+
+
+def _are_units(titles: list[str]) -> bool:
+    """Whether a line below the names holds their units, a time among them: "second,Volt", or "(us),(mV)"."""
+    scales = [scale_of(title) for title in titles]
+    known = [scale.dimensions for scale in scales if scale]
+    return TIME in known and len(known) == len(titles)
