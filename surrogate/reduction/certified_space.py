@@ -89,7 +89,7 @@ class Projection:
 
     def reduced(self, omega: Array) -> NDArray[np.complex128]:
         """Reduced solutions Y(i w) in modes at angular frequencies in rad/s, shape (m, k, p)."""
-        s = 1j * omega[:, None, None]
+        s = np.asarray(1j * omega[:, None, None], dtype=complex)
         return self.ports / (self.rate[:, None] + s)
 
 

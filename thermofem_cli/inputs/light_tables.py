@@ -12,7 +12,6 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.column_units import LENGTH, POWER, RATIO, TIME, scale_of
-from thermofem.data.measured_trace import LONGEST_TIME
 from thermofem.data.number_table import Column
 from thermofem.errors import InputError
 
