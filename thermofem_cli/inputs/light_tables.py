@@ -12,6 +12,7 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.column_units import LENGTH, POWER, RATIO, TIME, scale_of
+from thermofem.data.measured_trace import LONGEST_TIME
 from thermofem.data.number_table import Column
 from thermofem.errors import InputError
 
@@ -56,8 +57,7 @@ def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states."""
     time, signal, time_unit, light_unit = _two_columns(path, columns, units, "us,mV")
     span = float(time.values[-1] - time.values[0])
-    # 1.0: s; times without unit that span more are hardly seconds
-    if not time_unit and span > 1.0:
+    if not time_unit and span > LONGEST_TIME:
         raise InputError(f"the times of {path} state no unit and span {span:g}", 'give --units "us,mV"')
     t = _si_values(path, time, time_unit or "s", TIME)
     drop, unit = watts_of(f"{path}: {signal.label}", signal.values, light_unit)
