@@ -28,19 +28,27 @@ def family_numbers(family: Family) -> dict[str, Any]:
 
 def family_lines(family: Family) -> list[tuple[str, str]]:
     """Return the lines of the card: a label and a text each."""
-    lines = [("kind", f"family of rings, {family.size} functions ({family.engine})")]
-    lines.append(("heated", f"{', '.join(family.inputs)}; read: {', '.join(family.outputs)}"))
-    for name, unit in zip(family.names, family.box.units, strict=True):
-        low, high = family.ranges[name]
-        lines.append((name, f"{quantity.rounded(low, unit, 6)} .. {quantity.rounded(high, unit, 6)}"))
-    worst = f"worst {family.error.worst:.1e}, median {family.error.median:.1e}"
-    lines.append(("error", f"over {family.error.count} rings not seen: {worst}; {family.tolerance:.1e} was asked for"))
-    return lines + _further_errors(family)
+    kind = f"family of rings, {family.size} functions ({family.engine})"
+    heated = ", ".join(family.inputs)
+    read = ", ".join(family.outputs)
+    lines = [("kind", kind), ("heated", f"{heated}; read: {read}")]
+    return lines + _ranges(family) + _errors(family)
 
 
-def _further_errors(family: Family) -> list[tuple[str, str]]:
-    """Lines on the errors of the output maps of k(T) and of the optical numbers, where the family has them."""
+def _ranges(family: Family) -> list[tuple[str, str]]:
+    """Lines on the range of every parameter."""
     lines = []
+    for (name, (low, high)), unit in zip(family.ranges.items(), family.box.units, strict=True):
+        first = quantity.rounded(low, unit, 6)
+        last = quantity.rounded(high, unit, 6)
+        lines.append((name, f"{first} .. {last}"))
+    return lines
+
+
+def _errors(family: Family) -> list[tuple[str, str]]:
+    """Lines on the errors of heat and, where the family has them, of the output maps of k(T) and of optical numbers."""
+    worst = f"worst {family.error.worst:.1e}, median {family.error.median:.1e}"
+    lines = [("error", f"over {family.error.count} rings not seen: {worst}; {family.tolerance:.1e} was asked for")]
     maps = family.output_maps
     optics = family.optics
     if maps is not None:
