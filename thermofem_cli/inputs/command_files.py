@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import shlex
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,7 +47,7 @@ MAKES = {
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
     ("data", "table"): "thermofem.save(thermofem.read_trace('{}', ...), 'data.nc')",
 }
-FAMILY_HEADER = b"header.npy"  # name of the first member of the archive, 30 bytes from its beginning
+FAMILY_HEADER = "header.npy"  # in the archive of a family
 # kind of a TOML file -> keys of which one is enough to tell it
 TABLES = {
     "campaign": {"vary", "drive", "geometry"},
@@ -82,12 +83,12 @@ def kind_of(path: Path) -> str | None:
         if ending == ".toml":
             keys = files.from_toml(files.read_text(path, "TOML")).keys()
             return next((kind for kind, own in TABLES.items() if keys & own), None)
-        if first[:4] == b"PK\x03\x04" and first[30:].startswith(FAMILY_HEADER):
+        if first[:4] == b"PK\x03\x04" and FAMILY_HEADER in zipfile.ZipFile(path).namelist():
             return "family"
         if ending == ".json":
             loaded = files.read_json(path, "JSON")
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
-    except (OSError, InputError):
+    except (OSError, InputError, zipfile.BadZipFile):
         return None
     if ending in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py"):
         return None
