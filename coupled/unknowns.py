@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from math import isclose
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -29,6 +30,7 @@ COMPUTED = {
     INTRINSIC: ("loss_rate", "scattering_rate"),
 }
 FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
+ROUND_OFF = 1e-9  # relative difference of the rates of two buses that are equal
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
 
 
@@ -189,6 +191,15 @@ def check_apart(free: Sequence[str]) -> None:
             raise InputError(
                 f"free holds {name!r} and {shared[0]!r}, and the one sets the other", "free one of the two"
             )
+
+
+def with_equal_buses(ring: RingResonator, free: Sequence[str]) -> RingResonator:
+    """The ring, whose two buses stay equal where they are and "drop_rate" is not free: one unknown sets both.
+
+    A file with a loaded Q and two buses states both rates; the drop bus would be held at its start.
+    """
+    equal = ring.drop_rate is not None and isclose(ring.drop_rate, ring.bus_rate, rel_tol=ROUND_OFF)
+    return replace(ring, drop_rate=None) if equal and "drop_rate" not in free else ring
 
 
 def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:

@@ -16,7 +16,7 @@ from thermofem.models import HasModel, ThermalModel
 from ..inputs import bar, check_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, check_model, notes_of, plain
-from ..unknowns import ThermalFamily, Unknowns, unknowns
+from ..unknowns import ThermalFamily, Unknowns, unknowns, with_equal_buses
 from .box_search import End, Prior, cost, least_squares
 from .cycle_residuals import SOFT, STAGES, comparison, doubts, residuals
 from .cycles import Target, targets_of
@@ -170,6 +170,7 @@ def identify(
     three traces by a multi-objective swarm, and takes the standard deviation over ten runs.
     """
     check_ring(ring)
+    ring = with_equal_buses(ring, free)
     what = unknowns(ring, free, model, bounds)
     contradicted = () if model is None else notes_of(check_model(ring, model, what.build(what.start)[1]))
     held = held_deviations(held, [*held_numbers(ring, what.names)], what.names)

@@ -20,6 +20,7 @@ from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
 from ..thermal import notes_of
+from ..unknowns import with_equal_buses
 from .slow_sweeps import Sweep, read_sweep
 from .sweep_doubts import correlation_of, doubts_of, level_doubts, with_other_answer
 from .transmission_search import FREQUENCY, POWER, RESISTANCE, End, Search, make_search, searched, sweep_residuals
@@ -139,6 +140,7 @@ def fit_transmission(
     9000 K/W
     """
     check_ring(ring)
+    ring = with_equal_buses(ring, free)
     given = datasets("sweeps", sweeps)
     sizes = noises(noise, len(given))
     data = []

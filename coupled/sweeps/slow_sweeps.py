@@ -29,6 +29,7 @@ from ..inputs import check_power
 from ..resonator import RingResonator
 
 DECIBELS = {"db": "dB", "dbm": "dBm"}
+DBM_OF_WATT = 30.0  # 1 W in dBm
 ABSOLUTE = ("W", "1")
 TOP = 0.95  # quantile of a through port that stands for its level off resonance
 # assumed deviations of the terms of a baseline: of the range or the level of a sweep, of its tilt, and both in dB
@@ -79,7 +80,8 @@ class Sweep(NamedTuple):
         if not self.decibels:
             return T
         # the bottom of a curve in decibels is at 1e-12 of its top
-        return 10 * np.log10(np.maximum(T, 1e-12 * T.max()))
+        decibels = 10 * np.log10(np.maximum(T, 1e-12 * T.max()))
+        return decibels if relative else decibels + DBM_OF_WATT
 
     def baseline_terms(self, x: Array, output: Array) -> Array:
         """Terms of the baseline at points (x, output) of a curve, each times its assumed deviation; (terms, points)."""

@@ -33,7 +33,7 @@ from ..equilibria.transmission import port_curve, transmission
 from ..resonator import RingResonator
 from ..thermal import as_read
 from ..unknowns import SPAN, check_apart, fitted_names, number_of, span_of, varied
-from .slow_sweeps import Sweep
+from .slow_sweeps import DBM_OF_WATT, Sweep
 
 T = TypeVar("T")
 RESISTANCE, POWER, FREQUENCY = "thermal_resistance", "power", "frequency"
@@ -265,7 +265,7 @@ def _log_output(sweep: Sweep) -> float:
     if sweep.unit == "dB":
         return top / DECIBEL
     if sweep.unit == "dBm":
-        return (top - 30) / DECIBEL - float(np.log(power))
+        return (top - DBM_OF_WATT) / DECIBEL - float(np.log(power))
     return float(np.log(top / power))
 
 

@@ -65,6 +65,20 @@ def test_a_through_port_alone_names_both_answers(bus, loss):
     assert found.parameters["bus_rate"] < found.parameters["loss_rate"]  # the side of the initial ring
 
 
+@pytest.mark.parametrize("unit", ["W", "dBm"])
+def test_two_equal_buses_of_a_file_move_together(unit):
+    """A drop port behind a fibre of 4.7 dB in dBm; five deviations are one in a million."""
+    start = replace(BOTH, bus_rate=4e9, drop_rate=4e9, loss_rate=LOSS)
+    watts = POWER * peak()
+    level = watts if unit == "W" else 10 * np.log10(watts / 1e-3) - 4.7
+    noise = 1e-3 * POWER if unit == "W" else 0.05
+    found = coupled.fit_transmission(start, sweep("drop", level, unit, noise=noise), free=["bus_rate", "frequency"])
+    assert off(found, "bus_rate", BUS) < 5
+    assert found.standard_deviations["bus_rate"] < 0.02 * BUS
+    assert found.ring.drop_bus_rate == found.parameters["bus_rate"]
+    assert found.misfit < 1.5
+
+
 def test_bounds_of_the_user_exclude_the_other_answer():
     over = coupled.fit_transmission(
         START, sweep("through", dip(8e9, 3e9), "1", noise=2e-3), free=RATES, bounds={"bus_rate": (6e9, 2e10)}
