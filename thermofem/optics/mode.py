@@ -7,12 +7,7 @@
 exact for the discrete problem; s = r/R, and |E|^2 = e_r^2 + e_z^2 + (beta p/s)^2: the axial field is in quadrature.
 n_eff = beta/k0 belongs to the radius R of the core's centre (of a full disc, of its edge); nu = beta R does not.
 
-Loss by radiation, of a bend and into a substrate, with perfectly matched layers in straight windows:
-
-    Q = w n_g/(c alpha),    alpha = 2 Im beta
-
-The cladding is taken to go on beyond the stack and the substrate. The window's sides are straight and triangles at most
-half of the wavelength in the cladding: jagged sides and coarse layers change Q by tens of percent.
+Loss by radiation, of a bend and into a substrate, by `mode_radiation`:    Q = w n_g/(c alpha),    alpha = 2 Im beta
 """
 
 from __future__ import annotations
@@ -31,18 +26,14 @@ from ..algebra.factor import factorize
 from ..arrays import Array
 from ..mesh.triangles import sampled
 from .mode_elements import Space, eigenpairs
-from .mode_window import UM, Box, Window, drawn
-from .surroundings import TAIL
+from .mode_radiation import bend_damping, guiding_layers, substrate_damping
+from .mode_window import UM, Window
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from .modes import Light
 
-DEPTH = 1.5e-6  # m, of the matched layers where there is room
-LEAST_DISTANCE = 1.2e-6  # m, at least, between the core and the layers
-WIDEST = 12e-6  # m, at most, between the core and the layers at its sides
-LEAKS = 1e-9  # of the power: where so much of the mode reaches a substrate its leak is computed
 HYBRID = 0.3  # of TE or TM: a mode with more of both is hybrid
 FELT = 1e-3  # of the energy: a material with less of it need not have dn/dT
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed for a ring
@@ -372,19 +363,9 @@ class Mode:
 
         Within 2 % up to 1e9 (measured against exact rings and published bends).
         """
-        light = self.light
         if math.isinf(self.radius) or self._tunnelling > 3 * TIGHT:
             return math.inf
-        inner, _, below, above = self._asides
-        caustic = 2 * (self.n_eff / light.surroundings.continuum - 1)  # twice as far as where the field radiates
-        caustic = min(0.15, max(caustic, 0.0))
-        outer = max(2e-6, caustic * self.radius + LEAST_DISTANCE)
-        _, _, foot, top = light.surroundings.bounds
-        box = light.box(inner, outer + DEPTH, below + DEPTH, above + DEPTH)
-        if light.geometry.top_z > top:  # else air begins there
-            box = (*box[:3], min(box[3], light.geometry.top_z))
-        ends = foot - below - DEPTH, top + above + DEPTH
-        damping = self._damping(box, (0.0, DEPTH, DEPTH, DEPTH), self.radius, ends)
+        damping = bend_damping(self)
         if damping <= 0:
             return math.inf
         q = self.k0 * self.n_g / (2 * damping)
@@ -427,25 +408,6 @@ class Mode:
         return self.tunnelling(self.light.surroundings.continuum)
 
     @property
-    def _asides(self) -> tuple[float, float, float, float]:
-        """Distances in m from the core to the ends of a window or to its layers, at the left, right, bottom and top."""
-        left, right, below, above = self.light.surroundings.reaches(self.n_eff, TAIL)
-        left = min(left, WIDEST)
-        right = min(right, WIDEST)
-        left, right, below, above = np.maximum(LEAST_DISTANCE, (left, right, below, above)).tolist()
-        return left, right, below, above
-
-    @cached_property
-    def _bulk(self) -> dict[str, tuple[str, float]]:
-        """Layers that guide by themselves within the reach of the mode: side and distance in m, by name."""
-        around = self.light.surroundings
-        layers = {}
-        for name, (side, away) in around.limits[1].items():
-            if name in around.bulk and away < around.reach(side, self.n_eff, LEAKS):
-                layers[name] = (side, away)
-        return layers
-
-    @property
     def leaky(self) -> bool:
         """Whether n_eff is below the index of a slab at the side of the guide, so that it leaks there."""
         return self.n_eff < self.light.surroundings.continuum
@@ -453,7 +415,7 @@ class Mode:
     @property
     def drains(self) -> tuple[str, ...]:
         """What the mode leaks into: names of layers in quotation marks, or the slabs at the sides."""
-        drains = [f"{name!r}, {away * UM:.3g} um away" for name, (_, away) in self._bulk.items()]
+        drains = [f"{name!r}, {away * UM:.3g} um away" for name, (_, away) in guiding_layers(self).items()]
         if self.leaky:
             drains.append(f"a slab mode of index {self.light.surroundings.continuum:.4f} at its side")
         return tuple(drains)
@@ -462,51 +424,8 @@ class Mode:
     def substrate_loss(self) -> float:
         """Power loss in dB/cm of the straight guide into a substrate or another layer that guides by itself.
 
-        0 where none is within reach (`LEAKS`) and no slab at the side has an index above n_eff.
+        0 where none is within reach (`mode_radiation.LEAKS`) and no slab at the side has an index above n_eff.
         """
-        if not self._bulk and not self.leaky:
+        if not guiding_layers(self) and not self.leaky:
             return 0.0
-        light = self.light
-        left, right, below, above = self._asides
-        low, high = light.surroundings.far_span
-        _, _, foot, top = light.surroundings.bounds
-        if self.leaky and low > light.geometry.bottom_z:
-            below = max(below, foot - low)
-        if self.leaky:
-            high = min(high, light.geometry.top_z + LEAST_DISTANCE)
-            above = max(above, high - top)
-        box = light.box(left + DEPTH, right + DEPTH, below, above)
-        ends = [box[2], box[3]]
-        depths = [DEPTH, DEPTH, 0.0, 0.0]
-        for side, away in self._bulk.values():
-            end = away + 0.5e-6 + DEPTH  # m: the matched layer begins so far inside the substrate
-            if side == "bottom":
-                ends[0] = foot - end
-                depths[2] = DEPTH
-            else:
-                ends[1] = top + end
-                depths[3] = DEPTH
-        bottom = max(ends[0], light.geometry.bottom_z)
-        roof = min(ends[1], light.geometry.top_z) if depths[3] else ends[1]
-        drawn_box = (box[0], box[1], bottom, roof)
-        radius = math.inf
-        if light.at_edge:  # a disc has no straight guide; its rim radiates into the substrate alone here
-            radius = self.radius
-            depths[:2] = [0.0, 0.0]
-        damping = self._damping(drawn_box, tuple(depths), radius, (ends[0], ends[1]))
-        return DECIBEL * damping * 1e4
-
-    def _damping(self, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:
-        """Im beta in 1/um of the mode in a window with matched layers of the given depths in m."""
-        light = self.light
-        around = light.surroundings
-        _, _, lowest, highest = around.limits[0]
-
-        def largest(z: float) -> float:
-            index = around.continuum if lowest <= z <= highest else around.core_index
-            return self.wavelength / (2 * index)
-
-        window = drawn(light.geometry, box, light.centre, 1e-3, largest, beyond)
-        space = Space(window.mesh, 3, radius * UM, tuple(depth * UM for depth in depths))
-        mode = self.nearest(space, window)
-        return float(np.sqrt(mode.square).imag)
+        return DECIBEL * substrate_damping(self) * 1e4
