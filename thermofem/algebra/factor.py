@@ -18,6 +18,7 @@ from ..arrays import Array, Indices
 
 Solve = Callable[[Array], Array]
 
+REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
 SINGULAR = "a matrix of the heat problem is singular; is a boundary held, and every heat capacity positive?"
 # times a shift is factorized by the shared solver before it gets its own: new numbers alone cost 1/5 (measured)

@@ -20,13 +20,12 @@ from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..arrays import Array
-from .factor import Solve, check_symmetric, factorize
+from .factor import REFUSAL, Solve, check_symmetric, factorize
 
 if TYPE_CHECKING:
     from ..models import StateSpace
 
 ADDS_MUCH = 1e-6  # squared length of what a column of unit length adds, above which one projection more is enough
-REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 
 
 @dataclass(frozen=True, eq=False)

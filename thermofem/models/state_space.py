@@ -13,8 +13,7 @@ from scipy.sparse import csc_matrix, csr_matrix, issparse
 from scipy.sparse.linalg import splu
 
 from .. import checks, waveforms
-from ..algebra.factor import check_symmetric, factorize, singular_refused
-from ..algebra.krylov import REFUSAL
+from ..algebra.factor import REFUSAL, check_symmetric, factorize, singular_refused
 from ..arrays import Array, ArrayLike, Complex
 from ..checks import InputError
 from ..data.display import model_html
