@@ -34,7 +34,8 @@ from ..kernel.units import FJ, NS
 from . import multiple_shooting as shooting
 from .cycle_problem import LASER, CycleProblem, numbers_of
 from .multiple_shooting import Family, Nodes, Place
-from .return_map import FINE, PER_STEP, Orbit, Trace, measure, time_weights
+from .orbit_measures import measure
+from .return_map import FINE, PER_STEP, Orbit, Trace, time_weights
 
 KIND = "Hopf curve"
 BORN, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point

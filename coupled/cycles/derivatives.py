@@ -31,7 +31,8 @@ from ..unknowns import FROM_ZERO
 from .cycle_problem import CycleProblem, numbers_of, value_of
 from .limit_cycle import cycle_near
 from .multiple_shooting import Family, Nodes, flow, linearised, newton, weights
-from .return_map import Orbit, measure
+from .orbit_measures import measure
+from .return_map import Orbit
 
 ACCURATE = 1e-10  # rtol of the traces: light, which follows heat and carriers, has derivatives that err by 1e4 times it
 

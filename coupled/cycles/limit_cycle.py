@@ -26,7 +26,8 @@ from . import branch
 from .branch import born, is_hopf_point, laser_of, near_hopf
 from .cycle_problem import CycleProblem, measured, pulse_train, value_of
 from .multiple_shooting import Family, first_place
-from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, measure, time_weights
+from .orbit_measures import measure
+from .return_map import FINE, MIDDLE, REACH, Flow, Orbit, close, time_weights
 
 UNSTABLE = 1 + 1e-6  # of a multiplier; their errors are below 3e-7, rarely 2e-6
 SWING = 1e-3  # relative, below which the state of a circuit counts as at rest

@@ -15,7 +15,8 @@ from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..cycles.cycle_problem import CycleProblem, RestError, UnsettledError, settled
-from ..cycles.return_map import FLAT, Measures, measures
+from ..cycles.orbit_measures import Measures, measures
+from ..cycles.return_map import FLAT
 from ..equilibria.steady_states import Fixed
 from ..kernel.shooting import FINE, PeriodicOrbit, ReturnMap
 from ..kernel.tableaus import Method

@@ -12,7 +12,8 @@ import coupled
 import thermofem as th
 from coupled.cycles.cycle_problem import CycleProblem, changed, value_of
 from coupled.cycles.derivatives import cycle_derivatives
-from coupled.cycles.return_map import close, measure
+from coupled.cycles.orbit_measures import measure
+from coupled.cycles.return_map import close
 from coupled.kernel.units import units
 from coupled.thermal import compact
 
