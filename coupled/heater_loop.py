@@ -246,4 +246,11 @@ def _power(heater: ResistiveHeater, square: Pieces, rise: Pieces) -> Pieces:
     """Power in W of a heater with a rise in K."""
     if square.steady and rise.steady:
         return Pieces.constant(square.edges[0], square.edges[-1], float(heater.power(square(0.0), rise(0.0))))
-    return interpolated(lambda t, side: heater.power(square(t, side), rise(t, side)), joint(square, rise))
+
+    def after(t: Array) -> Array:
+        return heater.power(square(t), rise(t))
+
+    def before(t: Array) -> Array:
+        return heater.power(square.before(t), rise.before(t))
+
+    return interpolated(after, before, joint(square, rise))

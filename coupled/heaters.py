@@ -213,7 +213,7 @@ def power_of(name: str, value: Any, duration: float) -> Pieces:
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:
     """States of the poles dx/dt = P - rate x at ``times``, J, shape (times, n), from ``begin`` (default 0)."""
-    x = cubic_pole_responses(rate, *power, times)
+    x = cubic_pole_responses(rate, power, times)
     return x if begin is None else x + begin * np.exp(np.multiply.outer(times - power.edges[0], -rate))
 
 

@@ -18,7 +18,7 @@ from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.piecewise import Pieces as Pieces, bounds
 from thermofem.waveforms import Samples, Waveform
 
-from .kernel.integrator import Drive, Polynomials
+from .kernel.problem_parts import Drive
 from .kernel.units import NS, UW
 from .resonator import RingResonator
 
@@ -63,7 +63,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     value [float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add]
     Raises InputError: another type, or a function that does not cover the whole window.
     """
-    if isinstance(value, list | tuple) and not isinstance(value, Pieces):
+    if isinstance(value, list | tuple):
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)
@@ -73,10 +73,9 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
             hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
             raise InputError(f"{name} is a {type(value).__name__}; a PPoly is needed, at most cubic", hint)
         c = checks.numbers(f"{name}: coefficients", value.c)
-        missing = np.zeros((DEGREE + 1 - len(c), c.shape[1]))
-        coefficients = np.vstack([c[::-1], missing]).T
+        padded = np.pad(c, ((DEGREE + 1 - len(c), 0), (0, 0)))
         edges = np.asarray(value.x, dtype=float)
-        return _window(name, Pieces(edges, coefficients), start, stop)
+        return _window(name, Pieces.construct_fast(padded, edges), start, stop)
     if isinstance(value, Waveform):
         return value.pieces(start, stop)
     return Pieces.constant(start, stop, checks.finite(name, value))
@@ -84,11 +83,12 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
 
 def add(parts: list[Pieces]) -> Pieces:
     """Sum of piecewise cubics over the same window."""
-    several = [part for part in parts if part.coefficients.any()] or parts[:1]
+    several = [part for part in parts if part.c.any()] or parts[:1]
     if len(several) == 1:
         return several[0]
     edges = joint(*several)
-    return Pieces(edges, np.sum([part.on(edges).coefficients for part in several], axis=0))
+    c = np.sum([part.on(edges).c for part in several], axis=0)
+    return Pieces.construct_fast(c, edges)
 
 
 def joint(*parts: Pieces) -> Array:
@@ -107,8 +107,7 @@ def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
     slack = 1e-9 * (stop - start)
     if start < edges[0] - slack or stop > edges[-1] + slack:
         raise InputError(f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s")
-    inside = edges[(edges > start + 1e-6 * slack) & (edges < stop - 1e-6 * slack)]
-    return function.on(np.concatenate([[start], inside, [stop]]))
+    return function.window(start, stop)
 
 
 class Lights(NamedTuple):
@@ -141,9 +140,9 @@ class Lights(NamedTuple):
     def amplitudes(self, times: Array) -> Complex:
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
         sizes = np.sqrt([np.maximum(power(times), 0) for power in self.powers])
-        if not self.drive.phase.coefficients.any():
+        if not self.drive.phase.c.any():
             return sizes + 0j
-        phases = values(self.drive.phase, times)
+        phases = self.drive.phase(times / NS).T
         return sizes * np.exp(1j * phases)
 
     def incoming(self, times: Array) -> Complex:
@@ -166,9 +165,9 @@ def lights(
         arrive at once.
     """
     beats = [_difference(frequency, frequencies[k]) for frequency, k in zip(frequencies, frame, strict=True)]
-    phase = integral(table(beats, 2 * np.pi * NS))
+    phase = table(beats, 2 * np.pi * NS).antiderivative()
     if phases:
-        phase.coefficients[:, :, 0] += phases
+        phase.c[-1] += phases
     turning = table(detunings, NS)
     arrivals = echoes(joint(*powers))
     jumps = np.concatenate([arrivals, NS * turning.edges, NS * phase.edges])
@@ -185,7 +184,7 @@ def lights(
 def _difference(frequency: Pieces, reference: Pieces) -> Pieces:
     """Difference of two piecewise cubics, without breakpoints where it vanishes."""
     difference = add([frequency, reference.times(-1.0)])
-    if difference.coefficients.any():
+    if difference.c.any():
         return difference
     return Pieces.constant(difference.edges[0], difference.edges[-1], 0.0)
 
@@ -199,53 +198,31 @@ def apart_in_time(times: Array, window: Array) -> Array:
     return edges
 
 
-def values(functions: Polynomials, times: Array) -> Array:
-    """Values of piecewise polynomials in the kernel's format at m times in s, shape (functions, m)."""
-    t = times / NS
-    k = np.searchsorted(functions.edges, t, side="right") - 1
-    k = np.clip(k, 0, len(functions.coefficients) - 1)
-    u = t - functions.edges[k]
-    result = np.zeros((functions.coefficients.shape[1], t.size))
-    for c in functions.coefficients.T[::-1]:
-        result = result * u + c[:, k]
-    return result
-
-
-def integral(rates: Polynomials) -> Polynomials:
-    """Antiderivatives of piecewise polynomials, zero at the first edge."""
-    c = rates.coefficients
-    h = np.diff(rates.edges)
-    n = np.arange(1, c.shape[2] + 1)
-    rises = (c / n * h[:, None, None] ** n).sum(axis=2)
-    ends = np.cumsum(rises, axis=0)
-    starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
-    return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
-
-
 def largest(power: Pieces) -> float:
     """Largest modulus of a power at its breakpoints in W, at least 1e-300."""
-    first = float(np.abs(power.coefficients[:, 0]).max())
+    first = float(np.abs(power.c[-1]).max())
     last = abs(float(power(power.edges[-1])))
     return max(first, last, 1e-300)
 
 
-def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
-    """Convert piecewise cubics of time in s, times ``factor``, to kernel polynomials of time in ns on common edges."""
+def table(functions: Sequence[Pieces], factor: float) -> Pieces:
+    """Convert functions of time in s, times ``factor``, to one of time in ns that has them all as its columns."""
     edges = joint(*functions)
-    coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
-    return Polynomials(edges / NS, coefficients * factor * NS ** np.arange(coefficients.shape[2]))
+    c = np.stack([each.on(edges).c for each in functions], axis=2)
+    units = factor * NS ** np.arange(DEGREE, -1, -1)
+    return Pieces.construct_fast(c * units[:, None, None], edges / NS)
 
 
 def last_change(function: Pieces) -> float:
     """Time in s after which a piecewise cubic is constant; 0 for a constant."""
     if function.steady:
         return 0.0
-    powers = np.diff(function.edges)[:, None] ** np.arange(DEGREE + 1)
-    sizes = np.abs(function.coefficients) * powers
+    powers = np.diff(function.edges) ** np.arange(DEGREE, -1, -1)[:, None]
+    sizes = np.abs(function.c) * powers
     # what a fit of cubics to a constant leaves
-    tolerance = 1e-9 * sizes[:, 0].max()
-    changed = np.any(sizes[:, 1:] > tolerance, axis=1)
-    jumps = function.coefficients[1:, 0] - function.ends[:-1]
+    tolerance = 1e-9 * sizes[-1].max()
+    changed = np.any(sizes[:-1] > tolerance, axis=0)
+    jumps = function.c[-1, 1:] - function.ends[:-1]
     changed[:-1] |= np.abs(jumps) > tolerance
     return float(np.max(function.edges[1:] * changed))
 
@@ -253,7 +230,7 @@ def last_change(function: Pieces) -> float:
 def last_beat(powers: Sequence[Pieces], frequencies: Sequence[Pieces]) -> float:
     """Time in s up to which two lasers are on and beat; 0 where all have the same frequency."""
     beats = [_difference(frequency, frequencies[0]) for frequency in frequencies[1:]]
-    if not any(np.any(beat.coefficients) for beat in beats):
+    if not any(np.any(beat.c) for beat in beats):
         return 0.0
     last_lit = []
     for power in powers:

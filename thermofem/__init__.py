@@ -14,6 +14,7 @@ from .data.measured_trace import read_trace
 from .fem import assemble, light
 from .fem.heat_derivatives import derivatives
 from .fluctuations import thermal_noise
+from .function_waveform import Function
 from .geometry import (
     Boundary,
     CrossSection,
@@ -33,18 +34,10 @@ from .geometry import (
 )
 from .materials import Material
 from .models import Foster, OutputMap as OutputMap, Quadratic as Quadratic, StateSpace
+from .pulse_trains import Chirp, Symbols, Telegraph
 from .readout import MZI, RingEdge
 from .solving import solve, solve_periodic
-from .waveforms import (
-    Chirp,
-    Constant,
-    Function,
-    Pulse,
-    Sampled,
-    SquareWave,
-    Symbols,
-    Telegraph,
-)
+from .waveforms import Constant, Pulse, Sampled, SquareWave
 
 __all__ = [
     "MZI", "Boundary", "Campaign", "Chirp", "Constant", "CrossSection", "Foster", "Function", "InputError",

@@ -19,8 +19,6 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -30,7 +28,7 @@ import numpy as np
 from . import checks
 from .arrays import Array, ArrayLike
 from .errors import Hint, InputError
-from .piecewise import Pieces, bounds, fitted, inside
+from .piecewise import Pieces, bounds, inside
 
 TIME_HINT = Hint("times are in s (did you mean 1e-6 for 1 us?)")
 ENDLESS = 1e12  # s: where a power that is held before its first and after its last change ends
@@ -85,7 +83,7 @@ class Waveform:
         if not times.size:
             return np.zeros(times.shape)
         pieces = self._covering(times.min(), times.max())
-        return pieces(times, side)
+        return np.asarray(pieces(times)) if side == "right" else pieces.before(times)
 
     def __call__(self, t: ArrayLike) -> Array:
         """The value at ``t`` in s, continuous from the right."""
@@ -105,10 +103,11 @@ class Waveform:
 
     def mean(self, start: float, stop: float) -> float:
         """Mean value over [start, stop] in s."""
-        return self.pieces(start, stop).integral() / (stop - start)
+        return float(self.pieces(start, stop).integrate(start, stop)) / (stop - start)
 
 
-def _time(name: str, value: float, most: float = 10.0) -> None:
+def check_time(name: str, value: float, most: float = 10.0) -> None:
+    """Raise InputError unless a length of time in s is positive and at most ``most``."""
     checks.positive(name, value, unit="s", at_most=most, hint=TIME_HINT)
 
 
@@ -126,13 +125,6 @@ class Steps(Waveform, ABC, stored=False):
         changes, levels = self.steps
         edges = np.concatenate([[-ENDLESS], changes, [ENDLESS]])
         return Pieces(edges, np.multiply.outer(levels, [1.0, 0.0, 0.0, 0.0]))
-
-
-def _on_off(power: float, times: Array, duration: float) -> tuple[Array, Array]:
-    """Steps of a power that is on at first, changes at ``times``, and is off from ``duration`` on."""
-    edges = np.append(times, duration) if times.size % 2 == 0 else times
-    on = np.arange(edges.size + 1) % 2 == 0
-    return edges, power * on
 
 
 @dataclass(frozen=True)
@@ -179,7 +171,7 @@ class Pulse(Steps):
 
     def __post_init__(self) -> None:
         checks.power("power", self.power, zero=True)
-        _time("width", self.width)
+        check_time("width", self.width)
         checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
 
     @property
@@ -215,7 +207,7 @@ class SquareWave(Waveform):
 
     def __post_init__(self) -> None:
         checks.power("power", self.power, zero=True)
-        _time("period", self.period)
+        check_time("period", self.period)
         checks.between("duty", self.duty, 1e-6, 1 - 1e-6, hint="it is the fraction of the period that is on")
 
     @property
@@ -228,172 +220,6 @@ class SquareWave(Waveform):
         """The pieces of one period: on, then off."""
         edges = np.array([0.0, self.duty * self.period, self.period])
         return Pieces(edges, np.array([[self.power, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]))
-
-
-@dataclass(frozen=True)
-class Telegraph(Steps):
-    """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
-
-    Parameters
-    ----------
-    power : float, W
-    dwell : float, s
-        mean time between changes.
-    duration : float, s
-        off for good afterwards.
-    seed : int
-        the same seed gives the same waveform.
-    """
-
-    power: float
-    dwell: float
-    duration: float
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        checks.power("power", self.power, zero=True)
-        _time("dwell", self.dwell)
-        _time("duration", self.duration, 1e6 * self.dwell)
-
-    @property
-    def words(self) -> str:
-        """Text with the kind, the power and the times of the waveform."""
-        return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
-
-    @property
-    def steps(self) -> tuple[Array, Array]:
-        """Times of change in s and power in W before, between and after them."""
-        draw = np.random.default_rng(self.seed)
-        count = int(2 * self.duration / self.dwell) + 20
-        times = np.cumsum(draw.exponential(self.dwell, count))
-        return _on_off(self.power, times[times < self.duration], self.duration)
-
-
-@dataclass(frozen=True)
-class Chirp(Steps):
-    """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
-
-    The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
-    int f dt is below ``duty``.
-
-    Parameters
-    ----------
-    power : float, W
-    first, last : float, s
-        period at the start and at the end; different.
-    duration : float, s
-        off for good afterwards.
-    duty : float, 0 < duty < 1
-    """
-
-    power: float
-    first: float
-    last: float
-    duration: float
-    duty: float = 1 / 3
-
-    def __post_init__(self) -> None:
-        checks.power("power", self.power, zero=True)
-        _time("first", self.first)
-        _time("last", self.last)
-        _time("duration", self.duration, 1e6 * min(self.first, self.last))
-        checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
-        checks.unique("first and last", (self.first, self.last), hint="a SquareWave has one period")
-
-    @property
-    def words(self) -> str:
-        """Text with the kind, the power and the times of the waveform."""
-        return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
-
-    @property
-    def steps(self) -> tuple[Array, Array]:
-        """Times of change in s and power in W before, between and after them."""
-        rate = np.log(self.first / self.last) / self.duration
-        cycles = np.expm1(rate * self.duration) / (rate * self.first)
-        starts = np.arange(np.ceil(cycles))
-        changes = (starts[:, None] + [0.0, self.duty]).ravel()[1:]
-        phase = changes[changes < cycles]
-        times = np.log1p(phase * rate * self.first) / rate
-        return _on_off(self.power, times, self.duration)
-
-
-@dataclass(frozen=True, eq=False)
-class Symbols(Steps):
-    """A stream of symbols, each held for 1/rate; a mask divides every symbol into virtual nodes.
-
-        P(t) = max(0, bias + power (u_k m_j + noise n_kj)),    symbol k, node j of the mask,    n normal
-
-    Before the first symbol and after the last one P = bias.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        symbols u_k, not negative; bits are 0 and 1.
-    rate : float, Hz
-        symbols a second.
-    power, bias : float, W
-        power of a symbol 1, and what is added to it.
-    mask : array, shape (nodes,)
-        factors m_j of the virtual nodes, not negative; one node without a mask.
-    noise : float
-        standard deviation, relative to ``power``, drawn anew for every node.
-    seed : int
-        the same seed gives the same noise.
-    start : float, s
-        of the first symbol.
-
-    >>> Symbols([0, 1, 1], rate=1e9, power=1e-3)([0.5e-9, 1.5e-9]).tolist()
-    [0.0, 0.001]
-    """
-
-    values: ArrayLike
-    rate: float
-    power: float
-    bias: float = 0.0
-    mask: ArrayLike = (1.0,)
-    noise: float = 0.0
-    seed: int = 0
-    start: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("values", "mask"):
-            numbers = checks.array(name, getattr(self, name))
-            checks.between(name, numbers.min(), 0, np.inf, hint="use bias for either sign")
-            object.__setattr__(self, name, numbers)
-        checks.between("rate", self.rate, 1e-3, 1e14, unit="Hz", hint="1e9 is a symbol every nanosecond")
-        checks.power("power", self.power, zero=True)
-        checks.power("bias", self.bias, zero=True)
-        checks.between("noise", self.noise, 0, 10, hint="it is relative to power")
-        checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
-
-    @property
-    def stop(self) -> float:
-        """End of the last symbol in s."""
-        return self.start + np.size(self.values) / self.rate
-
-    @cached_property
-    def steps(self) -> tuple[Array, Array]:
-        """Start and ends of all n mask nodes in s, (n + 1,), and power in W before, in and after them, (n + 2,)."""
-        count = np.size(self.mask)
-        nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
-        edges = self.start + np.arange(nodes.size + 1) / (self.rate * count)
-        if self.noise:
-            draw = np.random.default_rng(self.seed)
-            nodes = nodes + self.noise * draw.normal(size=nodes.size)
-        power = np.maximum(self.bias + self.power * nodes, 0.0)
-        return edges, np.concatenate([[self.bias], power, [self.bias]])
-
-    def samples(self, per_node: int = 1) -> Array:
-        """Sample times in s at the ends of ``per_node`` equal parts of every mask node, one after the other."""
-        a_symbol = np.size(self.mask) * per_node
-        count = np.size(self.values) * a_symbol
-        return self.start + np.arange(1, count + 1) / (self.rate * a_symbol)
-
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Ends of mask nodes in s inside (start, stop), where the power changes."""
-        edges, levels = self.steps
-        changes = levels[1:] != levels[:-1]
-        return inside(edges[changes], start, stop)
 
 
 class Samples(Waveform, stored=False):
@@ -498,9 +324,10 @@ class PiecewiseCubic(Waveform):
         >>> th.waveforms.from_json(th.waveforms.to_json(wave))(2e-6).round(9)
         np.float64(0.000826822)
         """
-        if wave.period is not None:
-            return cls(*wave.pieces(0.0, wave.period, tolerance=tolerance), repeat=True)
-        return cls(*wave.pieces(start, stop, tolerance=tolerance))
+        repeat = wave.period is not None
+        first, last = (0.0, wave.period) if wave.period else (start, stop)
+        found = wave.pieces(first, last, tolerance=tolerance)
+        return cls(found.edges, found.coefficients, repeat)
 
     @classmethod
     def of_spline(cls, spline: Any) -> PiecewiseCubic:
@@ -521,122 +348,15 @@ class PiecewiseCubic(Waveform):
     @property
     def peak(self) -> float:
         """Largest value at an edge, W."""
-        values = [self.whole.coefficients[:, 0], self.whole.ends]
+        values = [self.whole.c[-1], self.whole.ends]
         return float(np.abs(values).max())
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Times in s inside (start, stop) where the value jumps by more than 1e-6 of the largest."""
         pieces = self._unrolled(start, stop)
-        heights = np.abs(pieces.coefficients[1:, 0] - pieces.ends[:-1])
+        heights = np.abs(pieces.c[-1, 1:] - pieces.ends[:-1])
         jumps = heights > 1e-6 * self.peak
         return inside(pieces.edges[1:-1][jumps], start, stop)
-
-
-@dataclass(frozen=True, eq=False, init=False)
-class Function(Waveform, stored=False):
-    """P(t) = f(t): any function of time; W as a power, Hz as a detuning.
-
-    Models see it as a piecewise cubic, fitted with error control (`piecewise.fitted`). A feature narrower than 1e-4 of
-    the stretch between two breakpoints may be missed unless ``breakpoints`` or ``time_scale`` names it.
-
-    Parameters
-    ----------
-    f : callable
-        of the time in s; it takes an array of times, or one time only.
-    breakpoints : sequence of float, s
-        increasing: where f jumps or has a kink, within one period where ``period`` is given.
-    period : float, s, optional
-        f is taken on [0, period) and repeats.
-    time_scale : float, s, optional
-        the shortest time in which f changes.
-
-    Raises
-    ------
-    InputError
-        f fails, or returns what is not a finite number; breakpoints that do not increase.
-
-    >>> wave = Function(lambda t: 2e-3 * np.exp(-(((t - 5e-6) / 1e-6) ** 2)))
-    >>> float(wave(5e-6)), round(wave.mean(0, 10e-6) * 1e3, 4)
-    (0.002, 0.3545)
-    """
-
-    f: Callable[[Any], Any]
-    edges: Array
-    period: float | None
-    time_scale: float | None
-    piecewise_linear: ClassVar[bool] = False
-
-    def __init__(
-        self,
-        f: Callable[[Any], Any],
-        breakpoints: ArrayLike = (),
-        *,
-        period: float | None = None,
-        time_scale: float | None = None,
-    ) -> None:
-        edges = np.unique(checks.array("breakpoints", breakpoints, increasing=True, empty=True, hint=TIME_HINT))
-        for name, value in (("period", period), ("time_scale", time_scale)):
-            if value is not None:
-                _time(name, value)
-        if period is not None:
-            for edge in edges:
-                checks.between("breakpoints", edge, 0, period, unit="s", hint="they lie within one period")
-        for name, given in {"f": f, "edges": edges, "period": period, "time_scale": time_scale}.items():
-            object.__setattr__(self, name, given)
-
-    def _at(self, t: ArrayLike, side: str) -> Array:
-        """Evaluate f at ``t`` in s; a time at a breakpoint is shifted by round-off to its ``side``."""
-        u = np.asarray(t, dtype=float)
-        edges = self.edges
-        towards = 1 if side == "right" else -1
-        if self.period is not None:
-            edges = self._marks(self.period)
-            shift = 4 * np.spacing(np.abs(u)) + 4 * np.spacing(self.period)
-            u = np.mod(u, self.period)
-            on_end = (u <= shift) | (self.period - u <= shift)
-            end = 0.0 if towards > 0 else self.period
-            u = np.where(on_end, end, u)
-        if edges.size and u.size:
-            middles = (edges[1:] + edges[:-1]) / 2
-            nearest = edges[np.searchsorted(middles, u)]
-            shift = 4 * np.spacing(np.abs(nearest))
-            beside = nearest + 2 * towards * shift
-            u = np.where(np.abs(u - nearest) <= shift, beside, u)
-        return self._values(u)
-
-    def _marks(self, period: float) -> Array:
-        """Breakpoints in s within one period, and its ends."""
-        return np.unique(np.concatenate([[0.0], self.edges, [period]]))
-
-    def _values(self, t: Array) -> Array:
-        values: Array | None = None
-        with suppress(TypeError, ValueError, LookupError, ArithmeticError, AttributeError):  # f takes one time only
-            values = np.asarray(self.f(t), dtype=float)
-        if values is None or values.shape != t.shape:
-            try:
-                numbers = [float(self.f(float(time))) for time in t.ravel()]
-            except Exception as error:
-                raise InputError(f"f fails: {error!r}", "it must return a number for every time in s") from error
-            values = np.array(numbers).reshape(t.shape)
-        if values.size:
-            largest = int(np.abs(values).argmax())  # or the first nan
-            checks.finite(f"f({t.flat[largest]:g} s)", values.flat[largest])
-        return values
-
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Given breakpoints in s inside (start, stop), and the ends of every period."""
-        if self.period is None:
-            return inside(self.edges, start, stop)
-        marks = self._marks(self.period)
-        one_period = Pieces(marks, np.zeros((marks.size - 1, 4)))
-        return inside(one_period.repeated(start, stop).edges, start, stop)
-
-    def pieces(self, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
-        """Cubics within ``tolerance`` of the largest value; of a periodic function one period, repeated."""
-        first, last = (start, stop) if self.period is None else (0.0, self.period)
-        marks = np.concatenate([[first], self.breakpoints(first, last), [last]])
-        whole = fitted(self, marks, tolerance)
-        return whole if self.period is None else whole.repeated(start, stop).window(start, stop)
 
 
 def check_wave(name: str, value: Any) -> None:

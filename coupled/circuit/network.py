@@ -30,7 +30,7 @@ from thermofem.models.state_space import eigenmodes, has_ports
 
 from ..heaters import Poles, channels
 from ..kernel import units as eq
-from ..kernel.integrator import BUS, LOOPS, Network
+from ..kernel.problem_parts import BUS, LOOPS, Network
 from ..resonator import RingResonator
 from ..thermal import check_ports, check_resistance, poles
 from .circuit import Circuit

@@ -24,7 +24,8 @@ from ..inputs import (
     power_in_time,
 )
 from ..kernel import units as eq
-from ..kernel.integrator import Drive, PoleHeat, Problem, Rings
+from ..kernel.integrator import Problem
+from ..kernel.problem_parts import Drive, PoleHeat, Rings
 from ..kernel.tableaus import Method
 from ..resonator import parameters
 from ..states import final_state
@@ -80,7 +81,7 @@ def system_of(
     """
     heat = ring_heat(thermal, circuit.resonators, circuit.names)
     powers, detunings = inputs_of(circuit, power, detuning, duration)
-    constant = float(detunings[0].coefficients[0, 0]) if len(detunings[0].coefficients) == 1 else 0.0
+    constant = float(detunings[0].c[-1, 0]) if detunings[0].c.shape[1] == 1 else 0.0
     light = light_of(circuit).at(constant + circuit.lasers[0].offset)
     warm = heating(heat.heaters, heaters, duration, rtol, before, len(circuit.names))
     lights = lights_of(circuit, light, powers, detunings, warm.rises)
@@ -220,7 +221,7 @@ def run_circuit(
     problem = system.problem(chosen, detected=True, energies=average)
     longest = min([np.inf, *(system.light.delay / eq.NS)])
     if problem.waves:  # the cubic through exp(i x t) at thirds of a step is off by (x h)^4/1944
-        lit = [power.coefficients.any() for power in system.lights.powers]
+        lit = [power.c.any() for power in system.lights.powers]
         beat = np.ptp(np.append(system.lights.turning[lit], 0.0))  # rad/ns, of the lit lasers and the frame
         longest = min(longest, (1944.0 * rtol) ** 0.25 / max(beat, 1e-300))
     dense, asked = dense_times(thermal, times, duration)
@@ -235,7 +236,7 @@ def run_circuit(
     )  # fmt: skip
     rises = run.rows[:, 4 : 1 + 4 * problem.rings : 4]
     for i, offset in enumerate(system.heating.rises):
-        if offset.coefficients.any():
+        if offset.c.any():
             rises[:, i] += offset(run.rows[:, 0] * eq.NS)
     trusted(thermal, rises)
     rows = run.rows[asked] if times.size else run.rows

@@ -29,7 +29,8 @@ from thermofem import InputError
 from thermofem.arrays import Array, ArrayLike, Complex, NDArray
 from thermofem.models import ThermalModel
 
-from ..kernel import integrator as kernel
+from ..kernel.integrator import Problem
+from ..kernel.problem_parts import PoleHeat, QuadraticHeat
 from ..kernel.rates import absorbed_power, absorbed_slopes, dispersion, field_loss, steady_carriers
 from ..kernel.tableaus import Method
 from ..kernel.units import UW, Rates, internal_heat, internal_rates, single_ring
@@ -48,7 +49,7 @@ class Heat(NamedTuple):
     over the states, as the output weights them.
     """
 
-    of: kernel.PoleHeat | kernel.QuadraticHeat
+    of: PoleHeat | QuadraticHeat
     curvature: float  # 1/K, of an output map
     f: Array
     total: Array
@@ -80,7 +81,7 @@ class Heat(NamedTuple):
 
     def impedance(self, lam: Complex, P: Array) -> Complex:
         """d(dT)/dP (K/uW) at the complex rate lam (1/ns), about the steady state at P (uW); lam, P of one shape."""
-        if isinstance(self.of, kernel.PoleHeat):
+        if isinstance(self.of, PoleHeat):
             gains = self.of.gain[0]
             rates = self.of.rate[0]
             poles = zip(gains, rates, strict=True)
@@ -110,7 +111,7 @@ def heat_of(model: Compact, largest: float) -> Heat:
     Raises InputError: a quadratic model without a steady state at some power up to ``largest``, or too close to a fold.
     """
     heat, curvature = internal_heat(model)
-    if isinstance(heat, kernel.PoleHeat):
+    if isinstance(heat, PoleHeat):
         f = heat.gain / heat.rate
         return Heat(heat, curvature, f, f.sum(axis=1), np.inf)
     f = _series(model, largest) * UW
@@ -149,7 +150,7 @@ class InternalRing(NamedTuple):
     rates: Rates
     fcd: Array
     heat: Heat
-    problem: kernel.Problem
+    problem: Problem
 
 
 class Balance(NamedTuple):

@@ -31,7 +31,8 @@ from ..circuit.circuit import Circuit
 from ..circuit.stationary import autonomous, described, fixed_points
 from ..circuit.system import System
 from ..kernel import units as eq
-from ..kernel.integrator import Drive, PoleHeat, Problem
+from ..kernel.integrator import Problem
+from ..kernel.problem_parts import Drive, PoleHeat
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..thermal import trusted

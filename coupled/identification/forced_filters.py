@@ -23,7 +23,7 @@ from thermofem.arrays import Array
 from thermofem.errors import InputError
 
 from ..kernel import units
-from ..kernel.integrator import PoleHeat
+from ..kernel.problem_parts import PoleHeat
 from ..kernel.rates import absorbed_power, field_loss, recombination
 from ..kernel.units import FJ, NS, Rates
 from .box_search import End, Prior, Residuals, cost, least_squares

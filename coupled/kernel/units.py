@@ -16,7 +16,8 @@ from thermofem import Quadratic
 from thermofem.arrays import Array, Complex
 from thermofem.models import ThermalModel, two_kinds
 
-from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
+from .integrator import Problem
+from .problem_parts import Drive, PoleHeat, QuadraticHeat, Rings
 from .rates import absorbed_power
 from .tableaus import Method
 

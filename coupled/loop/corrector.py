@@ -327,7 +327,7 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     if not np.isclose(period, float(cycle.attrs["period"]), rtol=1e-6, atol=0):
         raise InputError(f"initial['time'] ends at {period:g} s; a whole cycle has {cycle.attrs['period']:g} s")
     E = fem.linear.E
-    z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
+    z = cubic_pole_responses(basis.rate, wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
     field = basis.vectors @ z
     shrink = np.exp(-basis.rate * period)
     for _ in range(PERIODS):

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, InputError, OutputMap, StateSpace, checks
+from thermofem import Foster, Function, InputError, OutputMap, StateSpace, checks
 from thermofem.algebra.krylov import krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.ring_temperature import detuning_output
-from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
+from thermofem.waveforms import KINDS, PiecewiseCubic, Waveform
 
 from ..heater_loop import HeaterLoop, heater_loop, relaxed
 from ..heaters import heater_powers, power_of

@@ -11,7 +11,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
-from thermofem import Quadratic, SquareWave, StateSpace, checks, waveforms
+from thermofem import Chirp, Quadratic, SquareWave, StateSpace, Telegraph, checks, waveforms
 from thermofem.algebra.pole_responses import pole_responses
 from thermofem.arrays import Array, ArrayLike, rms, runs_of
 from thermofem.data.variables import in_si
@@ -397,9 +397,9 @@ def held_out_drives() -> list[Waveform]:
     power = 2e-3
     squares = square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6))
     pulses = [waveforms.Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
-    short = waveforms.Telegraph(power, 2e-7, 2e-5, seed=1)
-    long = waveforms.Telegraph(power, 2e-6, 1e-4, seed=2)
-    chirp = waveforms.Chirp(power, 1e-7, 1e-5, 1e-4)
+    short = Telegraph(power, 2e-7, 2e-5, seed=1)
+    long = Telegraph(power, 2e-6, 1e-4, seed=2)
+    chirp = Chirp(power, 1e-7, 1e-5, 1e-4)
     return [*squares, *pulses, short, long, chirp]
 
 

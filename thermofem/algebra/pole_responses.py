@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
+from ..piecewise import Pieces
 
 
 def phi(y: Array) -> Array:
@@ -30,13 +31,10 @@ def phi(y: Array) -> Array:
     return out
 
 
-def cubic_pole_responses(
-    rate: Array, edges: Array, coefficients: Array, times: Array, *, periodic: bool = False
-) -> Array:
-    """Responses of poles to a piecewise-cubic power, from rest at edges[0] or periodic; shape (times, poles).
-
-    coefficients [shape (pieces, 4)]: power = sum_j coefficients[k, j] (t - edges[k])^j after edges[k].
-    """
+def cubic_pole_responses(rate: Array, power: Pieces, times: Array, *, periodic: bool = False) -> Array:
+    """Responses of poles to a piecewise-cubic power, from rest at its first edge or periodic; shape (times, poles)."""
+    edges = power.edges
+    coefficients = power.coefficients
     at_edges = np.zeros((edges.size, rate.size))
     for block in _blocks(edges.size - 1, rate.size):
         decays, gained = _piece(rate, coefficients[block], np.diff(edges)[block])
@@ -93,4 +91,4 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     t = checks.array("times", times)
     checks.between("times", t.min(), 0, np.inf, unit="s", hint="the power is switched on at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
-    return cubic_pole_responses(rate, *waveforms.heating_pieces(wave, 0.0, stop), t, periodic=periodic)
+    return cubic_pole_responses(rate, waveforms.heating_pieces(wave, 0.0, stop), t, periodic=periodic)

@@ -60,8 +60,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         return notes
     begin = float(times[0])
     end = float(times[-1])
-    pieces = wave.pieces(begin, end)
-    most = R * bounds(pieces)[1]
+    most = R * bounds(wave.pieces(begin, end))[1]
     slack = 10.0 * rtol  # 10 rtol: errors of the solver add up to a few rtol
     highest = rise.max()
     if highest > most * (1 + slack) + noise:
@@ -74,7 +73,7 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         mean = float(np.trapezoid(rise, times)) / length
         coarse = float(np.trapezoid(rise[::2], times[::2])) / length
         sampling = abs(mean - coarse) if times.size % 2 else swing / times.size
-        due = R * pieces.integral() / length
+        due = R * wave.mean(begin, end)
         tolerance = slack * most + noise + 2 * sampling
         if abs(mean - due) > tolerance:
             raise checks.InputError(

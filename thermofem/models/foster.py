@@ -103,7 +103,7 @@ class Foster:
         return self.R / self.tau
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest at t = 0, in closed form; a `waveforms.Function` enters as its piecewise cubic."""
+        """Rise in K from rest at t = 0, in closed form; a `Function` enters as its piecewise cubic."""
         return at_times(lambda t: pole_responses(1 / self.tau, wave, t) @ self.gain, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
