@@ -28,7 +28,7 @@ import numpy as np
 from coupled.kernel import library
 
 ROUNDS = 5
-OWN = Path(library.SOURCES).parents[1]  # this installation
+OWN = Path(library.HERE).parents[1]  # this installation
 
 
 def work() -> None:

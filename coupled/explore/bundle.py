@@ -24,8 +24,8 @@ HERE = Path(__file__).parent
 COMPILER = (
     "-m", "ziglang", "c++", "-target", "wasm32-wasi", "-mcpu=generic+simd128", "-mexec-model=reactor", "-O3",
     "-std=c++17", "-ffast-math", "-fno-finite-math-only", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden",
-    "-nostdlib++", "-s", "-Wl,--export=ring_integrate", "-Wl,--export=ring_follow", "-Wl,--export=ring_slopes",
-    "-Wl,--export=realloc",
+    "-nostdlib++", "-s", "-Wl,--export=page_integrate", "-Wl,--export=page_follow", "-Wl,--export=page_slopes",
+    "-Wl,--export=ring_layout", "-Wl,--export=realloc",
 )  # fmt: skip
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
 _EXPORTS = re.compile(r"^export \{[^}]*\};\n", re.MULTILINE)

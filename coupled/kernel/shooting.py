@@ -11,8 +11,10 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
-from .integrator import DONE, EVENT, FULL, TOO_SMALL, PoleHeat, Problem, no_step
+from . import structures
+from .integrator import DONE, EVENT, FULL, TOO_SMALL, Problem, no_step
 from .library import library
+from .problem_parts import PoleHeat
 
 ROOM, MOST_ROOM = 8192, 2_000_000  # rows of a trace; a second of work
 MOST_SLOW = 8  # states of heat that Newton's method solves for
@@ -23,14 +25,6 @@ OUTLASTS = 40.0  # time constants of a state of heat in a period, with which not
 
 
 _P, _D = c.c_void_p, c.c_double
-
-
-class _ReturnMap(c.Structure):
-    _fields_ = (
-        *((name, c.c_void_p) for name in ("p", "edges", "fixed", "slow", "rows", "steps")),
-        *((name, c.c_int64) for name in ("fixed_count", "n", "room", "filled", "count")),
-        ("memory", c.c_void_p),
-    )
 
 
 class Arc(NamedTuple):
@@ -79,7 +73,7 @@ class ReturnMap:
         self._fixed = np.empty((0, 4))
         self._rates = heat.rate[0] if isinstance(heat, PoleHeat) else np.zeros(problem.order)
         self._most_slow = min(MOST_SLOW, problem.order) if isinstance(heat, PoleHeat) else problem.order
-        self._c = _ReturnMap(p=problem.address, edges=problem.edges.ctypes.data, n=self._most_slow)
+        self._c = structures.ReturnMap(p=problem.address, edges=problem.edges.ctypes.data, n=self._most_slow)
         library().ring_close.restype = c.c_int64
         size = library().ring_close(c.byref(self._c), None, None, 1, 0, _D(), _D())
         self._memory = np.empty(size + 64, np.uint8)

@@ -1,6 +1,6 @@
 """The structures that Python fills for the kernel, and the check that C++ lays them out in the same way.
 
-Fields stand in the order of `equations.hpp` and `loop.hpp`; the past of a circuit is flat here.
+Fields stand in the order of `equations.hpp`, `loop.hpp` and `kernel.hpp`; the past of a circuit is flat here.
 """
 
 import ctypes as c
@@ -34,7 +34,13 @@ Loop = _structure(
     ("past", _P),
     ("past_filled past_room", _L),
 )
-STRUCTURES = {"Table": Table, "Method": Method, "Problem": Problem, "Loop": Loop}
+ReturnMap = _structure(
+    "ReturnMap",
+    ("p edges fixed slow rows steps", _P),
+    ("fixed_count n room filled count", _L),
+    ("memory", _P),
+)
+STRUCTURES = {"Table": Table, "Method": Method, "Problem": Problem, "Loop": Loop, "ReturnMap": ReturnMap}
 
 
 class Place(c.Structure):

@@ -23,7 +23,7 @@ MOST_FILES = 17
 
 # Auger recombination, dN/dt = -N/tau - C N^3: by file, what stands and what comes in its place
 AUGER = {
-    "coupled/kernel/equations.hpp": [
+    "coupled/kernel/cpp/equations.hpp": [
         ("struct Carriers { double tau0, a, b; };", "struct Carriers { double tau0, a, b, auger; };"),
         ("(c.tau0 * (c.a * N + 1.0));", "(c.tau0 * (c.a * N + 1.0)) - c.auger * (N * N * N);"),
     ],
@@ -80,7 +80,7 @@ import thermofem as th
 from coupled.kernel import library
 from coupled.ring_toml import write_text
 
-library.build(library.SOURCES / library.NAME, ("-O0",))
+library.build(library.HERE / library.NAME, ("-O0",))
 tau, C, first = 20e-9, 1e-39, 4e23
 ring = replace(coupled.borghi2021(), carriers=coupled.ConstantLifetime(tau, C))
 assert coupled.RingResonator.from_text(write_text(ring, {})) == ring

@@ -19,7 +19,8 @@ def test_every_field_lies_where_the_kernel_has_it():
 def test_the_table_of_the_kernel_has_every_field_of_the_headers():
     """By the text of the headers: a name that layout.cpp lacks would be compared with nothing."""
     listed = {name for name in structures.kernel_layout(library()) if "." in name}
-    for structure, header in (("Problem", "equations.hpp"), ("Loop", "loop.hpp"), ("Method", "equations.hpp")):
+    headers = {"Problem": "equations.hpp", "Loop": "loop.hpp", "Method": "equations.hpp", "ReturnMap": "kernel.hpp"}
+    for structure, header in headers.items():
         text = Path(SOURCES, header).read_text()
         body = re.sub(r"//.*", "", re.search(rf"struct {structure} {{(.*?)\n}};", text, re.DOTALL)[1])
         fields = re.findall(r"(\w+)\s*(?=[,;])", body)

@@ -1,4 +1,4 @@
-// The ring in internal units (ns, fJ, uW, K, 1e23/m^3), as coupled/kernel/equations.hpp has it.
+// The ring in internal units (ns, fJ, uW, K, 1e23/m^3), as coupled/kernel/cpp/equations.hpp has it.
 //
 //   da/dt = (i D - gamma) a + i drive,   D = -thermal_shift dT - S(N) - kerr U - detuning
 //   gamma = loss + fca N + tpa U,        dN/dt = -N (1 + b N)/(tau0 (1 + a N)) + g U^2

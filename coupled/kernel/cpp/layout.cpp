@@ -1,4 +1,5 @@
-// Where the fields of the structures lie that a caller fills: structures.py compares when it loads.
+// Where the fields of the structures lie that a caller fills: structures.py compares when it loads,
+// and the page (kernel.mjs) fills them by this table.
 #include <stddef.h>
 #include "kernel.hpp"
 
@@ -10,6 +11,7 @@ struct Place { const char* name; int64_t bytes; };  // of a field from the start
 #define M(field) FIELD(Method, field)
 #define P(field) FIELD(Problem, field)
 #define L(field) FIELD(Loop, field)
+#define R(field) FIELD(ReturnMap, field)
 
 // Null ends the table. A field that it lacks changes the size of the whole, or where others lie.
 EXPORT const Place* ring_layout() {
@@ -27,6 +29,8 @@ EXPORT const Place* ring_layout() {
       L(filled), L(room), L(budget), L(begun), L(piece), L(entered), L(fresh), L(per_step),
       L(quantity), L(ring), L(stop), L(past),
       {"Loop.past_filled", offsetof(Loop, past) + offsetof(Past, filled)},
-      {"Loop.past_room", offsetof(Loop, past) + offsetof(Past, room)}, WHOLE(Loop), {nullptr, 0}};
+      {"Loop.past_room", offsetof(Loop, past) + offsetof(Past, room)}, WHOLE(Loop),
+      R(p), R(edges), R(fixed), R(slow), R(rows), R(steps), R(fixed_count), R(n), R(room),
+      R(filled), R(count), R(memory), WHOLE(ReturnMap), {nullptr, 0}};
   return places;
 }

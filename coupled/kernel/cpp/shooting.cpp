@@ -20,16 +20,6 @@ constexpr double LARGEST = 0.3;    // relative step of Newton's method
 constexpr double LONGER = 2.5;     // T over its first guess, above which there is no orbit
 constexpr int TURNS = 14;          // most steps of Newton's method
 
-struct ReturnMap {
-  const Problem* p;
-  double* edges;        // of p; the last one is where a trace ends
-  const double* fixed;  // fixed points: U, N, dT and the longest step beside each
-  const int* slow;      // states of slow heat
-  double *rows, *steps; // of the last trace: t, field, N, dT; lengths
-  int64_t fixed_count, n, room, filled, count;  // n: of slow; room: for rows
-  char* memory;         // of as many bytes as `ring_close` asks for where it is null
-};
-
 // The longest step beside the fixed point that is nearest to a row; with more it stayed on one.
 static double longest_step(const ReturnMap& c, const double* row) {
   const double U = row[1] * row[1] + row[2] * row[2];

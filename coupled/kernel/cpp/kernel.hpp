@@ -11,6 +11,17 @@ EXPORT int64_t ring_follow(const Problem*, const double* y0, const double* steps
 EXPORT int64_t ring_slopes(const Problem*, const double* y, int piece, double t, double* dy,
                            double* V, int columns, char* memory);
 
+// Traces and closed orbits of one ring (shooting.cpp).
+struct ReturnMap {
+  const Problem* p;
+  double* edges;        // of p; the last one is where a trace ends
+  const double* fixed;  // fixed points: U, N, dT and the longest step beside each
+  const int* slow;      // states of slow heat
+  double *rows, *steps; // of the last trace: t, field, N, dT; lengths
+  int64_t fixed_count, n, room, filled, count;  // n: of slow; room: for rows
+  char* memory;         // of as many bytes as `ring_close` asks for where it is null
+};
+
 template <class X> struct Type { using type = X; };
 
 // call(Type<System>): one ring with F fields that steps on numbers of type T.
