@@ -18,7 +18,7 @@ from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.piecewise import Pieces as Pieces, bounds
 from thermofem.waveforms import Samples, Waveform
 
-from .kernel.problem_parts import Drive
+from .kernel.problem_parts import Drive, Polynomials
 from .kernel.units import NS, UW
 from .resonator import RingResonator
 
@@ -140,9 +140,9 @@ class Lights(NamedTuple):
     def amplitudes(self, times: Array) -> Complex:
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
         sizes = np.sqrt([np.maximum(power(times), 0) for power in self.powers])
-        if not self.drive.phase.c.any():
+        if not self.drive.phase.coefficients.any():
             return sizes + 0j
-        phases = self.drive.phase(times / NS).T
+        phases = values(self.drive.phase, times)
         return sizes * np.exp(1j * phases)
 
     def incoming(self, times: Array) -> Complex:
@@ -165,9 +165,9 @@ def lights(
         arrive at once.
     """
     beats = [_difference(frequency, frequencies[k]) for frequency, k in zip(frequencies, frame, strict=True)]
-    phase = table(beats, 2 * np.pi * NS).antiderivative()
+    phase = integral(table(beats, 2 * np.pi * NS))
     if phases:
-        phase.c[-1] += phases
+        phase.coefficients[:, :, 0] += phases
     turning = table(detunings, NS)
     arrivals = echoes(joint(*powers))
     jumps = np.concatenate([arrivals, NS * turning.edges, NS * phase.edges])
@@ -198,6 +198,17 @@ def apart_in_time(times: Array, window: Array) -> Array:
     return edges
 
 
+def values(functions: Polynomials, times: Array) -> Array:
+    """Values of piecewise polynomials in the kernel's format at m times in s, shape (functions, m)."""
+    return np.asarray(Pieces(*functions)(times / NS).T)
+
+
+def integral(rates: Polynomials) -> Polynomials:
+    """Antiderivatives of piecewise polynomials, zero at the first edge."""
+    sums = Pieces(*rates).antiderivative()
+    return Polynomials(rates.edges, np.moveaxis(sums.c[::-1], 0, -1))
+
+
 def largest(power: Pieces) -> float:
     """Largest modulus of a power at its breakpoints in W, at least 1e-300."""
     first = float(np.abs(power.c[-1]).max())
@@ -205,12 +216,11 @@ def largest(power: Pieces) -> float:
     return max(first, last, 1e-300)
 
 
-def table(functions: Sequence[Pieces], factor: float) -> Pieces:
-    """Convert functions of time in s, times ``factor``, to one of time in ns that has them all as its columns."""
+def table(functions: Sequence[Pieces], factor: float) -> Polynomials:
+    """Convert piecewise cubics of time in s, times ``factor``, to kernel polynomials of time in ns on common edges."""
     edges = joint(*functions)
-    c = np.stack([each.on(edges).c for each in functions], axis=2)
-    units = factor * NS ** np.arange(DEGREE, -1, -1)
-    return Pieces.construct_fast(c * units[:, None, None], edges / NS)
+    coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
+    return Polynomials(edges / NS, coefficients * factor * NS ** np.arange(coefficients.shape[2]))
 
 
 def last_change(function: Pieces) -> float:

@@ -135,7 +135,8 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
     drive = system.lights.drive
     y = system.problem(Method.RODAS5P).zero()
     for share in np.geomspace(1e-3, 1.0, RAMP):
-        dimmed = system.lights._replace(drive=drive._replace(power=drive.power.times(share)))
+        power = drive.power._replace(coefficients=share * drive.power.coefficients)
+        dimmed = system.lights._replace(drive=drive._replace(power=power))
         weaker = replace(system, lights=dimmed)
         following = _fixed_point(weaker, weaker.problem(Method.RODAS5P), y)
         if following is None:
@@ -154,8 +155,8 @@ def _state_at(system: System, D: Array) -> Array:
     """State vector at the resonance detunings D (rad/ns) of the hot rings; without heat flow between the rings."""
     n = len(D)
     drive = system.lights.drive
-    power = drive.power.c[-1, 0]
-    phase = drive.phase.c[-1, 0]
+    power = drive.power.coefficients[0, :, 0]
+    phase = drive.phase.coefficients[0, :, 0]
     into = drive.entry @ (np.sqrt(power) * np.exp(1j * phase))
     between = system.light.between * eq.NS
     rates = eq.Mode(*system.rings.modes[:, 0].T)

@@ -25,11 +25,10 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
-from thermofem.piecewise import Pieces
 
 from . import structures
 from .library import library
-from .problem_parts import Drive, Network, PoleHeat, QuadraticHeat, Rings, over
+from .problem_parts import Drive, Network, PoleHeat, Polynomials, QuadraticHeat, Rings
 from .tableaus import Method, tableau
 
 ENERGY, CARRIERS, RISE = 1, 2, 3  # what an event watches: U of the first field, N, dT
@@ -126,14 +125,12 @@ class Problem:
             ("phase", np.zeros_like, 0.0),  # it does not jump
             ("detuning", np.asarray, 1e-6 * rings.modes[:, 0, 0].max()),
         ):
-            functions: Pieces = getattr(drive, name)
-            place, jumped, changing = over(functions, self.edges, size, least)
+            functions: Polynomials = getattr(drive, name)
+            place, jumped, changing = functions.over(self.edges, size, least)
             jumps = jumps | jumped
             varies = varies | changing
-            rising = functions.c[::-1].transpose(1, 2, 0)
-            _, columns, terms = rising.shape
-            arrays = (self._at(place, np.int32), self._at(functions.edges), self._at(rising))
-            table = structures.Table(columns, terms, *arrays)
+            _, columns, terms = functions.coefficients.shape
+            table = structures.Table(columns, terms, self._at(place, np.int32), *map(self._at, functions))
             setattr(self._c, name, table)
         self._detunings = self._kept[-1]
         self._set(edges=self.edges, jumps=jumps, varies=varies, entry=drive.entry, brightest=drive.brightest)

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
-from thermofem.piecewise import Pieces
 
 SINGLE, BUS, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 
@@ -54,16 +53,48 @@ class QuadraticHeat(NamedTuple):
     weight: Array
 
 
+class Polynomials(NamedTuple):
+    """Piecewise polynomials of the time in ns, as plain arrays, which are made faster than `Pieces`.
+
+    coefficients [shape (pieces, functions, terms)]: as of `piecewise.Pieces`, constant term first.
+    """
+
+    edges: Array
+    coefficients: Array
+
+    def over(self, edges: Array, size: Callable[[Array], Array], least: float | Array) -> tuple[NDArray[Any], ...]:
+        """Return, for each interval between ``edges``, the piece there, and whether the functions jump and vary.
+
+        They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
+        """
+        c = self.coefficients
+        varies = np.any(c[:, :, 1:], axis=(1, 2))
+        jumped = np.zeros(len(edges) - 1, dtype=bool)
+        if len(c) == 1:
+            place = np.zeros(len(edges) - 1, dtype=int)
+            return place, jumped, varies[place]
+        middles = (edges[1:] + edges[:-1]) / 2
+        place = np.searchsorted(self.edges[1:-1], middles, side="right")
+        starts = c[:, :, 0]
+        powers = np.diff(self.edges)[:, None, None] ** np.arange(c.shape[2])
+        ends = (c * powers).sum(axis=2)
+        change = np.abs(size(starts[1:]) - size(ends[:-1]))
+        jumps = (change > least).any(axis=1)
+        before = np.append(0, jumps.cumsum())  # number of jumps up to the start of each piece
+        jumped[1:] = np.diff(before[place]) > 0
+        return place, jumped, varies[place]
+
+
 class Drive(NamedTuple):
     """Powers and phases of L lasers, and detunings of all R F fields, as piecewise polynomials of the time in ns."""
 
     edges: Array
     """Breakpoints of the drive, ns, increasing; a step ends at each."""
-    power: Pieces
+    power: Polynomials
     """Power of each laser, values of shape (times, L); |entry|^2 power is in fJ/ns^2."""
-    phase: Pieces
+    phase: Polynomials
     """Phase of each laser in rad, values of shape (times, L)."""
-    detuning: Pieces
+    detuning: Polynomials
     """Detuning of each field in rad/ns, values of shape (times, R F)."""
     entry: NDArray[np.complex128]
     """Shape (R F, L): drive amplitude of each field per square root of the power of each laser."""
@@ -74,9 +105,9 @@ class Drive(NamedTuple):
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
         """Return the drive of one ring under constant light: 2 gamma_e P (fJ/ns^2), detuning (rad/ns), length (ns)."""
         edges = np.array([0.0, duration])
-        P = Pieces.constant(0.0, duration, [power])
-        phase = Pieces.constant(0.0, duration, [0.0])
-        turn = Pieces.constant(0.0, duration, [detuning])
+        P = Polynomials(edges, np.array([[[power, 0.0, 0.0, 0.0]]]))
+        phase = Polynomials(edges, np.array([[[0.0, 0.0, 0.0, 0.0]]]))
+        turn = Polynomials(edges, np.array([[[detuning, 0.0, 0.0, 0.0]]]))
         entry = np.ones((1, 1), dtype=complex)
         brightest = np.array([max(power, 1e-300)])
         return cls(edges, P, phase, turn, entry, brightest)
@@ -115,25 +146,3 @@ class Network(NamedTuple):
     corner: Array | None
     energies: bool
     time_tolerance: float
-
-
-def over(
-    functions: Pieces, edges: Array, size: Callable[[Array], Array], least: float | Array
-) -> tuple[NDArray[Any], ...]:
-    """Return, for each interval between ``edges``, the piece there, and whether the functions jump and vary.
-
-    They jump where the ``size`` of one changes by more than ``least`` at the start of the interval.
-    """
-    c = functions.c
-    varies = np.any(c[:-1], axis=(0, 2))
-    jumped = np.zeros(len(edges) - 1, dtype=bool)
-    if len(varies) == 1:
-        place = np.zeros(len(edges) - 1, dtype=int)
-        return place, jumped, varies[place]
-    middles = (edges[1:] + edges[:-1]) / 2
-    place = np.searchsorted(functions.edges[1:-1], middles, side="right")
-    change = np.abs(size(c[-1, 1:]) - size(functions.ends[:-1]))
-    jumps = (change > least).any(axis=1)
-    before = np.append(0, jumps.cumsum())  # number of jumps up to the start of each piece
-    jumped[1:] = np.diff(before[place]) > 0
-    return place, jumped, varies[place]

@@ -14,7 +14,7 @@ import numpy as np
 from thermofem import checks, dataset
 from thermofem.arrays import Array, Complex, NDArray
 
-from ..inputs import Input, Lights, add, lights, pieces
+from ..inputs import Input, Lights, add, lights, pieces, values
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Problem
 from ..kernel.problem_parts import Drive
@@ -243,7 +243,7 @@ def lights_of(ring: RingResonator, lasers: Sequence[Laser], start: float, stop: 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     """Return dP_abs/dt in W/s at the rows, shape (rows,), with dU/dt = 2 (pump Im a - gamma U) and dN/dt."""
     t, ar, ai, N, _ = rows.T
-    power = np.maximum(drive.power(t)[:, 0], 0)
+    power = np.maximum(values(drive.power, t * eq.NS)[0], 0)
     pump = float(drive.entry[0, 0].real) * np.sqrt(power)
     U = ar**2 + ai**2
     U_slope = 2 * (pump * ai - field_loss(U, N, rates) * U)
