@@ -205,6 +205,9 @@ def values(functions: Polynomials, times: Array) -> Array:
 
 def integral(rates: Polynomials) -> Polynomials:
     """Antiderivatives of piecewise polynomials, zero at the first edge."""
+    if not rates.coefficients.any():  # of a laser alone in its frame
+        *shape, terms = rates.coefficients.shape
+        return Polynomials(rates.edges, np.zeros((*shape, terms + 1)))
     sums = Pieces(*rates).antiderivative()
     return Polynomials(rates.edges, np.moveaxis(sums.c[::-1], 0, -1))
 
