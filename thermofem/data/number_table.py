@@ -252,10 +252,10 @@ def _titles(above: list[str], divider: str, width: int) -> list[str]:
     if above and _begins_with_number(above[-1]):
         raise InputError(f"the line {above[-1].strip()[:40]!r} above the table is no row of numbers")
     titles = _titles_in(above[-1:], divider, width)
-    units = [title.strip("()[]") for title in titles]
-    if not _are_units(units):
-        return titles
     names = _titles_in(above[-2:-1], divider, width)
+    units = [title.strip("()[]") for title in titles]
+    if not any(names) or not _are_units(units):
+        return titles
     return [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
 
 
