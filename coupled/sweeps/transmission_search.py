@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+import shapely
 import xarray as xr
 from scipy.constants import pi
 
@@ -58,24 +59,22 @@ class Nearest(NamedTuple):
 
 def nearest_points(sweep: Sweep, x: Array, y: Array, terms: Array) -> Nearest:
     """Nearest points of the polyline (x, y), whose points have the ``terms`` of a baseline, for all samples."""
-    X = x / sweep.step
-    Y = y / sweep.noise
-    along_x = np.diff(X)[:, None]
-    along_y = np.diff(Y)[:, None]
+    curve = np.column_stack([x / sweep.step, y / sweep.noise])
+    samples = np.column_stack([sweep.x / sweep.step, sweep.y / sweep.noise])
+    segments = shapely.linestrings(np.stack([curve[:-1], curve[1:]], axis=1))
+    sample, nearest = shapely.STRtree(segments).query_nearest(shapely.points(samples))
+    segment = np.full(len(samples), len(segments))
+    np.minimum.at(segment, sample, nearest)  # the first one at a point that two segments share
+    along_x, along_y = np.diff(curve, axis=0)[segment].T
+    to_x, to_y = (samples - curve[segment]).T
     length = np.sqrt(np.maximum(along_x**2 + along_y**2, 1e-300))
-    to_x = sweep.x / sweep.step - X[:-1, None]
-    to_y = sweep.y / sweep.noise - Y[:-1, None]
     share = np.clip((to_x * along_x + to_y * along_y) / length**2, 0, 1)
     off_x = to_x - share * along_x
     off_y = to_y - share * along_y
-    square = off_x**2 + off_y**2
-    segment = square.argmin(axis=0)
-    here = segment, np.arange(sweep.x.size)
-    normal = along_x[segment, 0] / length[segment, 0]
-    side = along_x[segment, 0] * off_y[here] - along_y[segment, 0] * off_x[here]
-    distance = np.sqrt(square[here]) * np.where(side < 0, -1.0, 1.0)
-    part = share[here]
-    values = terms[:, segment] * (1 - part) + terms[:, segment + 1] * part
+    left = along_x * off_y >= along_y * off_x
+    distance = np.hypot(off_x, off_y) * np.where(left, 1.0, -1.0)
+    normal = along_x / length
+    values = terms[:, segment] * (1 - share) + terms[:, segment + 1] * share
     return Nearest(distance, -normal * values / sweep.noise)
 
 
