@@ -89,6 +89,15 @@ def test_a_coarse_mesh_is_taken_as_it_is_and_its_error_said(caplog):
     assert "more than accuracy = 0.001" in caplog.text
 
 
+def test_exchanged_names_are_said(caplog):
+    """77 % of the core of the mesh lies in that of the geometry; of the glass under its name nothing does."""
+    geometry = th.CrossSection.from_toml_text(GEOMETRY)
+    th.assemble(geometry, mesh=cylinder(RADII))
+    assert "exchanged" not in caplog.text
+    th.assemble(geometry, mesh=cylinder(RADII, names=("glass", "core")))
+    assert "100 % of the group 'core' lies outside of 'core'" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("mesh", "words"),
     [

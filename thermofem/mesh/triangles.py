@@ -204,7 +204,10 @@ def _read(path: str | Path) -> Mesh:
     used = np.unique(tags).tolist()
     unnamed = set(used) - set(names)
     if unnamed:
-        raise InputError(f"the physical groups {sorted(unnamed)} have no names")
+        raise InputError(
+            f"the physical groups {sorted(unnamed)} have no names",
+            "name them in gmsh, or by meshio's cell_data['gmsh:physical'] and field_data (cell_sets are not written)",
+        )
     points = content.points
     if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
         raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
