@@ -37,6 +37,7 @@ def reduce(
     from thermofem.geometry.section_parts import LIGHT
 
     from .inputs.command_files import check_outputs, kind_of, section_of
+    from .results.heat_lines import note_cut
     from .results.racetracks import reduced_racetrack
     from .results.reductions import over_channels, reduced_array, reduced_layout
 
@@ -65,6 +66,7 @@ def reduce(
         if positions is not None:
             return reduced_array(heat, positions, tolerance, names, output)
         rom = surrogate.reduce(heat.channels(names, outputs), tolerance=tolerance)
+        domain_error = heat.domain_error(names[0])
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
@@ -72,11 +74,13 @@ def reduce(
     for row in rows:
         of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
         say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
+    note_cut(domain_error, accuracy)
     wrote(output)
     return {
         "unknowns": heat.unknowns,
         "poles": rom.order,
         "error_bound": rom.error_bound,
+        "domain_error": domain_error,
         "heated": names,
         "read": outputs,
         "thermal_resistance": over_channels(rows, names, outputs, "thermal_resistance"),

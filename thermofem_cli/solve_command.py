@@ -49,11 +49,10 @@ def solve(
 
     import thermofem as th
     from thermofem.data import quantity
-    from thermofem.fem.domain_truncation import NOTABLE
 
     from .inputs.command_files import check_outputs, section_of
     from .inputs.drive_texts import heating, times_of
-    from .results.heat_lines import draw_preview, draw_response, note_domain, say_heat, steady_rises
+    from .results.heat_lines import draw_preview, draw_response, note_cut, say_heat, steady_rises
     from .results.heater_sheets import say_sheets
     from .results.racetracks import say_racetrack_sheets, solved_racetrack
 
@@ -127,8 +126,7 @@ def solve(
         if figure:
             draw_response(data, figure)
     numbers = say_heat(data, step, steady_rises(heat, data, step))
-    if data.attrs["domain_error"] <= NOTABLE:  # a larger one is reported by the log
-        note_domain([data.attrs["domain_error"]], accuracy)
+    note_cut(data.attrs["domain_error"], accuracy)
     sheets = say_sheets(heat)
     wrote(*files)
     numbers |= sheets

@@ -89,6 +89,18 @@ def test_quiet_hides_messages_and_no_results(tmp_path):
     assert (quiet.stdout, quiet.stderr) == (loud.stdout.split("wrote")[0], "")
 
 
+def test_reduce_names_a_domain_that_ends_too_near(tmp_path):
+    """The proven bound is against the FEM, whose finite domain moves R_th by forty times as much."""
+    done = thermofem("reduce", "--json", cwd=tmp_path)
+    numbers = json.loads(done.stdout)
+    assert "domain_error of up to 3.4e-03, above accuracy = 0.001: the bottom or outer side is too near" in done.stderr
+    # 3.4e-3: of the same stack with open sides, against the sides at 30 um and 60 um
+    here = th.assemble(th.strip_ring()).thermal_resistance()
+    beyond = th.assemble(th.strip_ring().opened()).thermal_resistance()
+    # 3e-4: each mesh promises 1e-3, and both are of one kind; the difference of the routes is far below
+    assert numbers["domain_error"] == pytest.approx(beyond / here - 1, abs=3e-4)
+
+
 def test_a_number_outside_the_training_is_a_warning(tmp_path):
     """Promise 8."""
     two = th.Quadratic([[-1e6]], [[[0.0]]], [[0.0]], [7e9], [1.0], largest_rise=1.0)

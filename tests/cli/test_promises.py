@@ -134,7 +134,7 @@ HEATED = ["simulate", "heated.json", "--heated", "core"]
         (["cite", "strip.toml"], "strip.toml holds a geometry, not data (netCDF) or a thermal model"),
         (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
         (["campaign", "strip.toml"], "holds a geometry, not a campaign; thermofem solve"),
-        (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign takes it"),
+        (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign and family take it"),
         (["cosimulate", "model.json"], "holds a thermal model, not a geometry"),
         (["stability", "model.json", "--ring", "strip.toml"], "not the optics of a ring"),
         (["simulate", "model.json", "--ring", "borghi2022"], "neither a file nor one of borghi2021, borghi2021-lumped"),

@@ -92,6 +92,14 @@ def note_domain(errors: ArrayLike, accuracy: float) -> int:
     return cut
 
 
+def note_cut(domain_error: float, accuracy: float) -> None:
+    """Print `note_domain` of one geometry, unless the log has warned of an error as large as this."""
+    from thermofem.fem.domain_truncation import NOTABLE
+
+    if domain_error <= NOTABLE:
+        note_domain([domain_error], accuracy)
+
+
 def draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:
     """Draw cross-section and mesh."""
     from thermofem import plot

@@ -73,7 +73,8 @@ def identify(
         resonator, measured, free=options.listed(free), model=start, seed=seed, show_bar=watched(), held=deviations
     )
     output.write_text(write_text(result.ring, dict.fromkeys(result.parameters, "identified")), encoding="utf-8")
-    save_model(result.model, heat)
+    names = ", ".join(path.name for path in traces)
+    save_model(result.model, heat, provenance={"source": f"drop traces {names}, by thermofem identify"})
     if figure:
         from coupled.plot import plot_identification
         from thermofem.plot import save_figure
