@@ -44,8 +44,10 @@ def test_fit_prints_numbers_errors_and_units(folder, kind, fit, units):
     done = thermofem("fit", "square.nc", "--kind", kind, *order, "-o", f"{kind}.json", cwd=folder)
     words = [line.split() for line in done.stdout.splitlines() if "±" in line]
     printed = {name: (f"{value} {unit}", f"{error} {unit}") for name, _, value, _, error, unit in filter(six, words)}
+    R_th, _ = printed.pop("R_th")
     assert printed.keys() == units.keys()
     found = fit(th.load(folder / "square.nc"))
+    assert quantity.parse(R_th, "K/W") == pytest.approx(found.model.thermal_resistance, rel=1e-3, abs=0)
     for name, (value, error) in printed.items():
         assert quantity.parse(value, units[name]) == pytest.approx(found.parameters[name], rel=1e-3, abs=0)
         assert quantity.parse(error, units[name]) == pytest.approx(found.standard_errors[name], rel=0.05, abs=0)
