@@ -54,7 +54,6 @@ def solve(
     from .inputs.drive_texts import heating, times_of
     from .results.heat_lines import draw_preview, draw_response, note_cut, say_heat, steady_rises
     from .results.heater_sheets import say_sheets
-    from .results.racetracks import say_racetrack_sheets, solved_racetrack
 
     if no_solve:
         why = "has no effect with --no-solve, which draws the --preview alone"
@@ -81,6 +80,8 @@ def solve(
     parts = options.listed(heated)
     outputs = [name for text in read or () for name in options.listed(text)]
     if section.straight:
+        from .results.racetracks import say_racetrack_sheets, solved_racetrack
+
         why = "has no effect on a racetrack, which has no mesh of its own"
         options.unused(context, why, "accuracy", "mesh", "rtol", "preview", "field_times", "paraview")
         asked = samples if periodic else np.linspace(0, length, samples)

@@ -308,14 +308,20 @@ def _compile(root: Path, name: str, source: Source, target: Target) -> None:
             raise checks.MissingLibraryError(f"a unit for {platform_name} is compiled by ziglang: pip install ziglang")
         library = root / "binaries" / folders[target.fmi - 2] / f"{name}{ending}"
         library.parent.mkdir(parents=True)
-        flags = [*source.flags, "-shared", "-w"]
-        if "ziglang" in command:
-            flags += ["-target", triple, "-nostdlib++"]
-        if ending != ".dll":
-            flags.append("-fPIC")
+        zig = ["-target", triple, "-nostdlib++"] if "ziglang" in command else []
+        position = [] if ending == ".dll" else ["-fPIC"]
         file = str(root / "sources" / f"{name}{source.ending}")
+        made = str(library.with_suffix(".o"))
         last = ["-lm"] if ending == ".so" else []
-        done = subprocess.run([*command, *flags, file, "-o", str(library), *last], capture_output=True, check=False)
+        # linked apart: g++ -ffast-math would link start-up code that flushes subnormal numbers in the whole process
+        steps = (
+            [*command, *source.flags, "-w", *zig, *position, "-c", file, "-o", made],
+            [*command, "-shared", *zig, made, "-o", str(library), *last],
+        )
+        for step in steps:
+            done = subprocess.run(step, capture_output=True, check=False)
+            if done.returncode:
+                break
         if done.returncode:
             lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
             reason = next((line for line in lines if "error" in line), lines[-1])
