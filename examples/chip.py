@@ -49,7 +49,7 @@ gain = 2 * np.pi * CROSSOVER * WINDOW / plant.static[plant.outputs.index("drop")
 
 
 def drops(feedback, start):
-    """Drop power (W) at the end of every window, and the last power of heater 6; heater 7 is on from the begin."""
+    """Drop power (W) at the end of every window, and the last power of heater 6; heater 7 is on from the start."""
     watts, state, found = BIAS, start, []
     for _ in range(WINDOWS):
         heaters = {"heater 6": watts, "heater 7": NEIGHBOUR}
