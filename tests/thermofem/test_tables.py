@@ -8,6 +8,7 @@ import pytest
 
 import surrogate
 import thermofem as th
+from thermofem.data.column_units import LONGEST_UNIT, scale_of
 from thermofem.data.number_table import number_table
 
 TIMES = np.linspace(0, 10e-6, 101)
@@ -145,6 +146,9 @@ LAYOUTS = {
     ),
     "words": ("time (us),at 1550 nm mean of 5 ms (K)\n", "{us},{y}\n", {}),
     "bare names": ("t,T\n", "{t},{y}\n", {}),
+    "clock above": ("12:30:45 run 7\n", "{t},{y}\n", {"units": "s,K"}),
+    "numbered names": ("0:time (s),1:T (K)\n", "{t},{y}\n", {}),
+    "a name like a FORTRAN number": ("t1D2 (s),T2D1 (K)\n", "{t},{y}\n", {"time": "t1D2", "temperature": "T2D1"}),
     "one unit line": ("Run 7\nTime unit: ms\nTime,T (K)\n", "{ms},{y}\n", {}),
 }
 
@@ -189,11 +193,18 @@ def test_layouts_of_instruments_and_simulators(layout, tmp_path):
         ("Time (ns);T (mK);note\n", "1,{k:03d};2,{k:03d};at 3, on\n", {}, "may divide thousands"),
         ("", "{t},{y}\n", {}, "column 1 states no unit.*--units"),
         ("time_us,T_mK\n", "{t},{y}\n", {}, "column 'time_us' states no unit.*--units"),
+        ("T in unit K at a heater\ntime,T\n", "{t},{y}\n", {}, "column 'time' states no unit.*--units"),
+        ("unit K as measured\ntime,T\n", "{t},{y}\n", {}, "column 'time' states no unit.*--units"),
+        ("Time (s),T (K),gate\n", "{t},{y},1e{k}00\n", {"start": "gate"}, "'gate' has not two levels"),
+        ("Time (s),T (K)\n", "{t},{y}\n{again}", {}, "more than once"),
         ("Time unit: us\nTime unit: ms\nTime,T\n", "{t},{y}\n", {}, "Time unit: us.*--units"),
     ],
 )
 def test_what_a_file_does_not_say_is_asked_for_in_one_line(head, row, options, words, tmp_path):
-    rows = (row.format(k=k, t=t, y=y, fall=-y) for k, (t, y) in enumerate(zip(CLOCK, STEP, strict=True)))
+    rows = []
+    for k, (t, y) in enumerate(zip(CLOCK, STEP, strict=True)):
+        again = 2 * f"{t},{y}\n" if k == 30 else ""  # three rows at one time
+        rows.append(row.format(k=k, t=t, y=y, fall=-y, again=again))
     (tmp_path / "t.csv").write_text(head + "".join(rows))
     with pytest.raises(th.InputError, match=words) as error:
         th.read_trace(tmp_path / "t.csv", 1e-3, **options)
@@ -217,6 +228,23 @@ def test_what_is_no_time_and_no_temperature_is_asked_about(name, unit, tmp_path)
     (tmp_path / "t.csv").write_text(f"{name}{unit},T (K)\n{rows}")
     with pytest.raises(th.InputError, match=r"column.*--units"):
         th.read_trace(tmp_path / "t.csv", 1e-3, **named)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("Volt", 1.0), ("Seconds", 1.0), ("Msec", 1e6), ("msec", 1e-3), ("Mvolt", 1e6), ("Mwatt", 1e6)]
+)
+def test_a_capital_letter_is_a_prefix_before_it_is_a_style(unit, factor):
+    """SI prefixes: M is 1e6, m is 1e-3."""
+    scale = scale_of(unit)
+    assert scale is not None
+    assert scale.factor == pytest.approx(factor, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("behind", [" and more", "V"])
+def test_a_text_that_only_begins_with_a_unit_is_none(behind):
+    unit = "1 mV".rjust(LONGEST_UNIT, "0")
+    assert scale_of(unit) is not None
+    assert scale_of(unit + behind) is None
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,8 @@ DECIBELS = {"dB": (RATIO, 1.0), "dBm": (POWER, 1e-3), "dBW": (POWER, 1.0)}  # wh
 SPELLED = {"C": "degC", "deg C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
 _SIGNS = str.maketrans({"℃": "degC", "°": "deg", "µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm"})
 _SYMBOL = r"(?:[A-Za-z]+|%)"
-_UNIT = re.compile(rf"([\d.]+(?:[eE][+-]?\d+)?)?\s*({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII)
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_UNIT = re.compile(rf"({_NUMBER})?\s*({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII)
 LONGEST_UNIT = 40  # characters
 
 
@@ -55,19 +56,28 @@ def scale_of(text: str) -> Scale | None:
     unit = text.strip().translate(_SIGNS)
     if unit in DECIBELS:
         return Scale(DECIBELS[unit][0], 0.0, DECIBELS[unit][1], decibels=True)
-    match = _UNIT.fullmatch(SPELLED.get(unit, unit)[:LONGEST_UNIT])
+    match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST_UNIT else None
     if match is None:
         return None
     symbols = SPELLED.get(match[2], match[2])
+    scale = _parsed(symbols)  # as it stands: "Msec" is a megasecond, no millisecond
     is_word = len(symbols) > 2 and symbols.isalpha() and symbols.istitle()  # "Volt"
-    words = symbols.lower() if is_word else symbols
+    if scale is None and is_word:
+        scale = _parsed(symbols.lower())
+    if scale is None:
+        return None
+    size = float(match[1] or 1)
+    factor = float(f"{size * scale.factor:.15g}")
+    return scale._replace(factor=factor) if math.isfinite(factor) else None
+
+
+def _parsed(symbols: str) -> Scale | None:
+    """Scale of a product of symbols that pint knows; None where it knows them not."""
     try:
-        size = float(match[1] or 1)
-        units = registry().parse_units(words)
+        units = registry().parse_units(symbols)
         zero = registry().Quantity(0.0, units).to_base_units()
         one = registry().Quantity(1.0, units).to_base_units()
     except Exception:  # pint has several for a text that is no unit
         return None
     offset = float(zero.magnitude)
-    factor = float(f"{size * (float(one.magnitude) - offset):.15g}")
-    return Scale(str(zero.units), offset, factor) if math.isfinite(factor) else None
+    return Scale(str(zero.units), offset, float(one.magnitude) - offset)

@@ -184,7 +184,7 @@ def _has_two_levels(column: Column) -> bool:
     low = column.values.min()
     swing = np.ptp(column.values)
     between = (column.values > low + LEVEL * swing) & (column.values < low + (1 - LEVEL) * swing)
-    return bool(swing > 0 and between.mean() <= EDGES)
+    return bool(0 < swing < np.inf and between.mean() <= EDGES)
 
 
 def _drives(table: NumberTable, chosen: Sequence[Column]) -> list[str]:
@@ -279,8 +279,9 @@ def _in_si(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) ->
     if scale is None or scale.dimensions not in dimensions:
         hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
         raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
-    # beyond 1e30 is the code of an overload
-    return checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
+    # beyond 1e30 is the code of an overload; as the file writes it: 1e30 dBm overflows in W
+    checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
+    return scale.in_si(column.values)
 
 
 def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
@@ -348,12 +349,13 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
 def _distinct(t: Array, y: Array, said: list[str]) -> tuple[Array, Array]:
     """Rows without repeated times: of two rows at one time the second is left out.
 
-    InputError where there are many such rows, or where their temperatures differ.
+    InputError where there are many such rows, three at one time, or where their temperatures differ.
     """
     steps = np.diff(t)
     same = np.flatnonzero(steps == 0)
     apart = np.abs(np.diff(y)[same]) > 0.05 * np.ptp(y)
-    if apart.any() or same.size > max(2, REPEATED * t.size):
+    thrice = np.diff(same) == 1
+    if apart.any() or thrice.any() or same.size > max(2, REPEATED * t.size):
         raise checks.InputError(
             f"{same.size} times stand more than once, the first is {t[same[0]]:g} s: they are rounded, or two records "
             "in one file; write them with more digits"

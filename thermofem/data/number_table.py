@@ -22,6 +22,7 @@ FIRST_ROWS = 3  # consecutive lines of numbers that begin the table: settings se
 MOSTLY = 0.8  # share of the rows that hold a number in a column of numbers
 MARKS = "%#!/"  # that begin a remark or a header in some program
 BLANK = MARKS + ",;\t \"'"  # a line of nothing else is blank
+LETTERS = "sKV"  # that a line above the table may give as a unit; "a" is a word there, and a year to pint, "as" 1e-18 s
 _BETWEEN_WORDS = str.maketrans(dict.fromkeys('\t;,|:=()[]"', " "))
 # a name without a factor ("10^3 T", "T x 1000": its scale is open), and a unit; COMSOL writes a remark after a comma
 _HEADER = re.compile(r"(?!.*(?:\d\s*x\b|\bx\s*\d))([^()\[\]*^×·]*)[(\[]([^()\[\]]+)[)\]]\s*(?:,.*)?")
@@ -97,8 +98,8 @@ class NumberTable:
     def stated_unit(self, dimensions: tuple[str, ...]) -> str:
         """The one unit of these dimensions in the lines above the table that say "unit"; "" for none or several."""
         lines = [line for line in self.above if "unit" in line.lower()]
-        words = {word for line in lines for word in _words(line)}
-        scales = {word: scale_of(word) for word in words}
+        words = {word for line in lines for word in _words(line) if len(word) > 1 or word in LETTERS}
+        scales = {word: scale_of(word) for word in words - {"as"}}
         units = [word for word, scale in scales.items() if scale and scale.dimensions in dimensions]
         return units[0] if len(units) == 1 else ""
 
@@ -127,7 +128,8 @@ def number_table(content: bytes) -> NumberTable:
     lines = _lines(content)
     begin, divider = _first_row(lines)
     stop = _behind_last_row(lines, divider)
-    cells = _frame("\n".join(lines[begin:stop]), divider)
+    rows = _FORTRAN.sub("e", "\n".join(lines[begin:stop]))
+    cells = _frame(rows, divider)
     numbers = _number_columns(cells)
     above = [line for line in lines[:begin] if line.strip(BLANK)]
     titles = _titles(above, divider, cells.shape[1])
@@ -143,14 +145,13 @@ def has_rows(content: bytes) -> bool:
 
 
 def _lines(content: bytes) -> list[str]:
-    """Lines of a file in UTF-8, UTF-16 with its mark, or Windows' western code page; 1.5D-06 becomes 1.5e-06."""
+    """Lines of a file in UTF-8, UTF-16 with its mark, or Windows' western code page."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
         text = content.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("cp1252", errors="replace")
-    text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return _FORTRAN.sub("e", text).split("\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _cells(line: str, divider: str) -> list[str]:
@@ -167,9 +168,10 @@ def _words(line: str) -> list[str]:
 
 
 def _is_number(cell: str) -> bool:
-    """Whether a cell is a number, with a decimal point or comma."""
+    """Whether a cell is a number, with a decimal point or comma, and an exponent of Python or FORTRAN."""
+    point = cell.replace(",", ".")
     try:
-        float(cell.replace(",", "."))
+        float(_FORTRAN.sub("e", point))
     except ValueError:
         return False
     return True
@@ -184,7 +186,8 @@ def _numbers(line: str, divider: str) -> set[int]:
 
 def _begins_with_number(line: str) -> bool:
     """Whether a line begins with a number, like a row, in whatever way its cells are divided."""
-    return any(_is_number(word) for word in _words(line)[:1])
+    words = re.split(r"[\s;,|\"]+", line.strip('\t ,;"'))  # not at ":" and "(": "12:30" and "(1) Time" are no numbers
+    return _is_number(words[0])
 
 
 def _first_row(lines: list[str]) -> tuple[int, str]:
@@ -238,9 +241,11 @@ def _number_columns(cells: Any) -> Any:
     counts = numbers.notna().sum()
     numbers = numbers.loc[:, counts >= MOSTLY * counts.max()]
     damaged = (numbers.isna() & cells[numbers.columns].notna()).any(axis=1)
-    if numbers.shape[1] < 2 or damaged.any():
+    if numbers.shape[1] < 2:
+        raise InputError("the rows have no two columns of numbers in common")
+    if damaged.any():
         row = cells[damaged].head(1).to_csv(header=False, index=False)
-        raise InputError(f"its rows are no rows of two numbers or more: {row.strip()[:40]!r}")
+        raise InputError(f"the row {row.strip()[:40]!r} is no row of {numbers.shape[1]} numbers")
     return numbers.dropna(how="all").astype(float)
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Indices, each from its first to its second vertex, with m functions and q Gauss points.
+    """Facets, each from its first to its second vertex, with m functions and q Gauss points.
 
     basis [anything with mesh, elem, element_dofs and N]
     cells [shape (f,)]: the triangle beside each.

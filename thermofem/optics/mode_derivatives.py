@@ -236,7 +236,7 @@ def varied(mode: Mode, variation: Variation) -> tuple[float, Mode, Mode]:
 
 
 def slopes(mode: Mode, variation: Variation, **rules: bool) -> dict[str, float]:
-    """Derivatives of the `numbers` of a mode and of its resonance with respect to variation parameter."""
+    """Derivatives of the `numbers` of a mode and of its resonance with respect to one parameter."""
     h, ahead, behind = varied(mode, variation)
     before = numbers(behind, **rules)
     after = numbers(ahead, **rules)
