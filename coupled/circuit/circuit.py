@@ -354,7 +354,7 @@ def bus(
     Raises
     ------
     InputError
-        no ring, or a loss or delay below zero.
+        no ring, shifts of another number of rings, or a loss or delay below zero.
 
     >>> import coupled
     >>> coupled.bus(coupled.borghi2021()).ports
@@ -386,14 +386,14 @@ def scissor(
     rings : RingResonator or sequence of RingResonator
         in the order in which the light of the first bus passes them.
     shift : float or sequence of float, Hz
-        added to the cold resonance of every ring, or of each; detunings count from that of the first ring, shifted.
+        as for `bus`.
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings, on each bus.
 
     Raises
     ------
     InputError
-        no ring, or a loss or delay below zero.
+        as `bus`.
 
     >>> import coupled
     >>> coupled.scissor([coupled.borghi2021()] * 3).ports
@@ -421,12 +421,12 @@ def crow(rings: RingResonator | Sequence[RingResonator], *, shift: float | Seque
     rings : RingResonator or sequence of RingResonator
         from the one with the laser to the one with the drop port, each with two couplers.
     shift : float or sequence of float, Hz
-        added to the cold resonance of every ring, or of each; detunings count from that of the first ring, shifted.
+        as for `bus`.
 
     Raises
     ------
     InputError
-        no ring, or a ring without a second coupler.
+        no ring, shifts of another number of rings, or a ring without a second coupler.
 
     >>> import coupled
     >>> coupled.crow([coupled.borghi2021()] * 3).ports

@@ -360,7 +360,7 @@ class CycleProblem:
         return f" at power = {self.power:g} W, detuning = {self.detuning:g} Hz"
 
     def settled(self, y: Array, begin: str = "a cold ring") -> Orbit:
-        """The stable cycle to which the transient from the state ``y`` converges; errors as of the function."""
+        """The stable cycle to which the transient from the state ``y`` converges; errors as of `settled`."""
         orbit: Orbit = settled(
             self.flow, y, lambda: self.stable_points, self.longest, begin=begin, where=self.where,
             slow=self.longest >= MOST_TRANSIENT,

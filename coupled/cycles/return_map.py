@@ -240,7 +240,8 @@ class Chord(NamedTuple):
         size = float(np.abs(dy / flow.scale(trace.rows)).max())
         if not np.isfinite(size):
             return None
-        return trace.start + dy * min(1.0, LARGEST_STEP / size), size
+        shortened = LARGEST_STEP / max(size, LARGEST_STEP)
+        return trace.start + shortened * dy, size
 
 
 def chord(flow: Flow, trace: Trace, V: Array) -> Chord:

@@ -37,8 +37,6 @@ RING_USAGE = (
 )
 LIGHT_PINS = "in_re in_im add_re add_im through_re through_im drop_re drop_im detuning"  # pins of a ring
 
-# names of nodes and subcircuits that ngspice takes for the ground, the temperature or the kind of a source
-
 
 class Netlist(NamedTuple):
     """Text of an export: lines of comments, lines of subcircuits, and the deck of a run, "" for none."""

@@ -7,7 +7,7 @@
     S(N)        = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2)  rad/ns, dispersion by free carriers
 
 Every argument is a number or an array; ``rates`` has the fields of `units.Rates` or `units.Mode`, and ``law`` those of
-`units.Rates` or `units.Carriers`. Each law is written once: `slope` differentiates it.
+`units.Rates` or `units.Carriers`. `slope` differentiates absorption and recombination, which are so written once.
 """
 
 from collections.abc import Callable

@@ -282,17 +282,26 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         light, states = np.split(State.end_of(initial).as_array(), [3])
         corrector.begin(_lifted(initial, corrector))
     else:
-        field = contents("initial", initial, ("final_rise",), what=INITIAL_KINDS)["final_rise"].values
-        light = checks.array("initial.attrs['final_light']", initial.attrs["final_light"])
+        light, field = end_of_run(initial, corrector.problem, corrector.linear.order)
         states = None
-        mesh = corrector.problem.mesh if corrector.problem is not None else None
-        stated_mesh = initial.attrs.get("mesh_hash")
-        same_mesh = mesh is None or stated_mesh in (None, mesh_hash(mesh))
-        if field.shape != (corrector.linear.order,) or not same_mesh:
-            raise InputError("initial was made on another mesh; go on with the same")
         corrector.begin(field)
     begin = State.from_array(np.append(light, _predicted(corrector, model, states)))
     return Beginning(begin, corrector.rise)
+
+
+def end_of_run(run: xr.Dataset, problem: HeatProblem | None, order: int) -> tuple[Array, Array]:
+    """Light and carriers (SI), shape (3,), and the field over ambient (K), shape (order,), at the end of a run.
+
+    problem: of the FEM that goes on; None for matrices.
+    Raises InputError: no run of `cosimulate`, or one on another mesh.
+    """
+    field = contents("initial", run, ("final_rise",), what=INITIAL_KINDS)["final_rise"].values
+    light = checks.array("initial.attrs['final_light']", run.attrs.get("final_light", ()))
+    stated_mesh = run.attrs.get("mesh_hash")
+    same_mesh = problem is None or stated_mesh in (None, mesh_hash(problem.mesh))
+    if field.shape != (order,) or not same_mesh:
+        raise InputError("initial was made on another mesh; go on with the same")
+    return light, field
 
 
 def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:

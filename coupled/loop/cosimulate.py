@@ -24,7 +24,7 @@ from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
 from ..states import State
 from ..thermal import check_geometry, check_model, compact, plain
-from .corrector import FEM, Corrector, beginning
+from .corrector import FEM, Corrector, beginning, end_of_run
 from .relaxation import Passed, Relaxation
 
 if TYPE_CHECKING:
@@ -192,10 +192,10 @@ def _electric(
     small = basis.reduced(system)
     start = None
     if initial is not None:
-        light = initial.attrs["final_light"]
-        modes = basis.vectors.T @ (system.E @ initial["final_rise"].values)
+        light, field = end_of_run(initial, heat, system.order)
+        modes = basis.vectors.T @ (system.E @ field)
         rises = small.C[0] * modes
-        start = State(complex(light[0], light[1]), light[2], rises[np.argsort(1 / basis.rate)])
+        start = State.from_array(np.append(light, rises[np.argsort(1 / basis.rate)]))
     loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"], initial=start)
     powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, initial=start, **drive))
     return loop, powers

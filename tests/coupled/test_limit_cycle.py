@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rings import FIVE, RING
 import coupled
 import surrogate
 import thermofem as th
+from coupled.cycles.return_map import LARGEST_STEP, Chord, Trace
 
 POWER = 10**0.8 * 1e-3  # 8 dBm
 SECOND = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
@@ -214,3 +216,13 @@ def test_light_that_jumps_within_a_step_needs_every_step(detuning, period):
     assert cycle.attrs["stability"] == "stable"
     assert np.abs(cycle["multipliers"].values - 1).min() < 3e-3
     assert cycle.attrs["period"] / cycle.attrs["pulses"] == pytest.approx(period, rel=1e-4)
+
+
+@pytest.mark.parametrize(("missed", "step"), [(0.0, 0.0), (1e-3, 1e-3), (2.0, LARGEST_STEP)])
+def test_a_step_of_newtons_method_is_whole_unless_it_is_large(missed, step):
+    """With a matrix of 1 the step is what the trajectory missed; one that closes to the last bit has none."""
+    flow = SimpleNamespace(scale=lambda rows: np.ones(2))
+    trace = Trace(np.array([1.0, 2.0]), np.array([1.0, 2.0 + missed]), 1.0, np.empty((0, 3)), [])
+    y, size = Chord(np.eye(2), 0).improved(flow, trace)
+    assert size == pytest.approx(missed, rel=1e-12)
+    assert y - trace.start == pytest.approx([0.0, step], rel=1e-12)

@@ -232,6 +232,21 @@ def test_the_fem_in_the_loop_goes_on_under_a_voltage():
     assert second["delta_T"].values[-1] == pytest.approx(whole["delta_T"].values[-1], abs=3e-3)
 
 
+def test_the_end_of_a_run_is_read_in_its_unit_and_on_its_mesh():
+    """mK are no K, which would raise the resistance thirtyfold; a field on another mesh is refused in words."""
+    heat = th.assemble(WARM, accuracy=5e-2)
+    drive = {"power": 1e-3, "detuning": -20e9, "duration": 20e-9, "heaters": {"heater": coupled.Volts(2.0)}}
+    first = coupled.cosimulate(RING, heat, **drive)
+    field = first["final_rise"]
+    milli = first.assign(final_rise=(field.dims, 1e3 * field.values, {"units": "mK"}))
+    one, other = (coupled.cosimulate(RING, heat, initial=run, **drive) for run in (first, milli))
+    # the same numbers, but for the rounding of the factor 1e3
+    assert other["heater_power"].values == pytest.approx(one["heater_power"].values, rel=1e-9)
+    smaller = first.drop_vars("final_rise").assign(final_rise=("dof", field.values[:-1], field.attrs))
+    with pytest.raises(th.InputError, match="on another mesh"):
+        coupled.cosimulate(RING, heat, initial=smaller, **drive)
+
+
 BAD = {
     "no resistance": (pair(th.heated_ring()), {"heater": coupled.Volts(1.0)}, ("'heater' has no resistance",)),
     "no geometry": (
