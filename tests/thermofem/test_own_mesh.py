@@ -103,12 +103,13 @@ def test_exchanged_names_are_said(caplog):
     [
         (cylinder(RADII, names=("core", "air")), "mesh: group.*'air'"),
         (replace(cylinder(RADII), region=np.zeros(80, dtype=int), region_names=("glass",)), "heated part.*'core'"),
+        (replace(cylinder(RADII), region=np.ones(80, dtype=int)), "heated part.*'core'"),
         (cylinder(RADII * 1.01), "lies on no side"),
         (cylinder(RADII, bottom=0.0), "lies on no side"),
         (cylinder(RADII[1:]), "lies on no side|spans r"),
         ("missing.msh", "missing.msh"),
     ],
-    ids=["name", "heated", "too wide", "shifted", "without its axis", "no file"],
+    ids=["name", "heated", "heated, named alone", "too wide", "shifted", "without its axis", "no file"],
 )
 def test_a_mesh_of_something_else_is_refused(mesh, words):
     with pytest.raises((th.InputError, OSError), match=words):

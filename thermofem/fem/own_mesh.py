@@ -1,6 +1,7 @@
 """A mesh of the user's own: it must fill the domain of the geometry, in groups named after its layers and parts."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,9 @@ def own_mesh(geometry: CrossSection, mesh: Mesh | str | Path) -> Mesh:
     """
     if not isinstance(mesh, Mesh):
         mesh = load(checks.path("mesh", mesh))
+    groups, region = np.unique(mesh.region, return_inverse=True)  # a name without triangles is no group
+    names = tuple(mesh.region_names[k] for k in groups)
+    mesh = replace(mesh, region=region, region_names=names)
     solid = [name for name, material in geometry.material_names.items() if material != VOID]
     for name in mesh.region_names:
         checks.choice("mesh: group", name, solid, hint="groups are named after layers and parts of the geometry")
