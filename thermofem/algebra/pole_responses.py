@@ -74,8 +74,9 @@ def _piece(rate: Array, coefficients: Array, u: Array) -> tuple[Array, Array]:
         series = u * u * (0.5 - y / 6 + y * y / 24 - y**3 / 120)
         ramp = (u + lost / rate[:, None]) / rate[:, None]
         gained += slope * np.where(y < 1e-3, series, ramp)
-    lost += 1
-    return lost, gained
+    decay = lost
+    decay += 1  # in place: exp(-y)
+    return decay, gained
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:
