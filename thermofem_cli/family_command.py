@@ -27,10 +27,12 @@ def family(
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign."""
     import surrogate
+    import thermofem as th
     from thermofem.data import quantity
 
     from .inputs.command_files import check_outputs, expect
     from .results.family_card import family_lines, family_numbers
+    from .results.heat_lines import note_cut
 
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
@@ -41,8 +43,12 @@ def family(
     trained.save(output)
     for label, text in family_lines(trained):
         say(f"{label:>16} : {text}")
+    with working("looking at the end of the domain"):
+        middle = trained.box.geometry(trained.box.middle)
+        domain_error = th.assemble(middle, tolerance).domain_error(trained.inputs[0])
+    note_cut(domain_error, tolerance, "tolerance")
     wrote(output)
-    return {"family": output, **family_numbers(trained)}
+    return {"family": output, **family_numbers(trained), "domain_error": domain_error}
 
 
 def calibrate(

@@ -10,7 +10,7 @@ heating was found in a measured trace, its share u of the range w is searched wi
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,7 @@ def fit_optical(data: xr.Dataset | Sequence[xr.Dataset], order: int | None, read
     end = np.append(unknowns, [visibility, bias, a])
     units = {dataset.attrs.get(LIGHT_UNIT, "") for dataset in datasets}
     unit = units.pop() if len(units) == 1 else ""
-    return replace(_concluded(problem, end, residuals, order), residual_unit=unit)
+    return _concluded(problem, end, residuals, unit)
 
 
 def _smallest(problem: Optical) -> tuple[int, Array]:
@@ -179,8 +179,12 @@ def _search(problem: Optical, order: int) -> Array:
     return best.x
 
 
-def _concluded(problem: Optical, end: Array, residuals: Array, order: int) -> Fit:
-    """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart."""
+def _concluded(problem: Optical, end: Array, residuals: Array, unit: str) -> Fit:
+    """Make the Fit from the optimum ``end``: parameters, errors, and what the trace cannot tell apart.
+
+    residuals [shape (samples,), ``unit``]: of the light.
+    """
+    order = (end.size - problem.ranges.size - 3) // 2
     logs, starts, of_light = np.split(end, [2 * order, -3])
     R, tau = np.exp(logs.reshape(2, -1))
     model = Foster(R=R, tau=tau)
@@ -206,6 +210,7 @@ def _concluded(problem: Optical, end: Array, residuals: Array, order: int) -> Fi
         standard_errors=dict(zip(parameters, errors.tolist(), strict=True)),
         correlations=correlations(spread),
         residual=misfit,
+        residual_unit=unit,
         relative_residual=misfit / float(np.ptp(problem.target)),
         training=tuple(response.name for response in problem.responses),
         notes=(*notes, *_apart(list(parameters), spread, size)),

@@ -77,6 +77,19 @@ def test_the_card_of_a_family_has_its_ranges_parts_and_errors(folder):
     assert "box 1.5 um .. 2.5 um;" in repr(family)
 
 
+def test_training_names_a_domain_that_ends_too_near(folder):
+    """The errors of a family are against its own meshes, whose domain moves R_th by more than the tolerance."""
+    asked = ["family", str(folder / "rings.toml"), "-o", str(folder / "finer.npz"), "--tolerance", "2e-3", "--json"]
+    done = CliRunner().invoke(app, asked)
+    assert "domain_error of up to 3.4e-03, above tolerance = 0.002: the bottom or outer side is too near" in done.stderr
+    # the middle of a range is its geometric mean
+    middle = th.strip_ring(box=np.sqrt(1.5e-6 * 2.5e-6))
+    here = th.assemble(middle, 1e-3).thermal_resistance()
+    beyond = th.assemble(middle.opened(), 1e-3).thermal_resistance()
+    # 3e-4: as of `thermofem reduce`, against the same stack with open sides
+    assert json.loads(done.stdout)["domain_error"] == pytest.approx(beyond / here - 1, abs=3e-4)
+
+
 def test_a_family_is_known_by_its_content_whatever_its_name(folder):
     named = folder / "mine.rings"
     named.write_bytes((folder / "family.npz").read_bytes())

@@ -118,6 +118,27 @@ def test_fit_behind_an_interferometer_recovers_twenty_networks():
     assert np.abs(pulls).max() < 5
 
 
+def test_a_misfit_of_light_is_no_kelvin_in_the_file():
+    """The field residual_K of the provenance is in kelvin; a misfit in W or V does not stand there."""
+    data, _, shift = trace(0)
+    fit = surrogate.fit_foster(data, 1, readout=th.MZI(shift=shift))
+    assert fit.residual > 0
+    assert fit.model.origin["residual_K"] is None
+
+
+def test_fine_steps_of_one_trace_count_beside_coarse_ones_of_another():
+    """50 ns from steps of 6 ns and 100 us from steps of 50 us: searches begin above the smallest step of all traces."""
+    wave = th.Pulse(10e-3, 400e-6)
+    model = th.Foster(R=[400.0, 900.0], tau=[50e-9, 100e-6])
+    mzi = th.MZI(bias=0.6, visibility=0.9, shift=0.3)
+    traces = []
+    for times in (np.linspace(0, 0.5e-6, 81), np.linspace(0, 1e-3, 21)):
+        traces.append(mzi(dataset.build(times, model.response(wave, times), wave)))
+    fit = surrogate.fit_foster(traces, 2, readout=mzi)
+    # 1e-6: without noise the misfit is that of round-off
+    np.testing.assert_allclose([fit.model.tau, fit.model.R], [model.tau, model.R], rtol=1e-6)
+
+
 def test_small_signals_do_not_tell_visibility_from_resistance():
     """A swing of 0.03 rad is linear: V and R enter as one product, which the notes say."""
     data, _, shift = trace(3, phase=0.03, noise=1e-5)

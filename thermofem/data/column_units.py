@@ -22,7 +22,7 @@ VOLTAGE = "kilogram * meter ** 2 / ampere / second ** 3"
 POWER = "kilogram * meter ** 2 / second ** 3"
 IMPEDANCE = "kelvin * second ** 3 / kilogram / meter ** 2"  # thermal, K/W
 
-DECIBELS = {"dB": (RATIO, 1.0), "dBm": (POWER, 1e-3), "dBW": (POWER, 1.0)}  # what they measure, and 0 dB of it in SI
+DECIBELS = {"db": (RATIO, 1.0), "dbm": (POWER, 1e-3), "dbw": (POWER, 1.0)}  # what they measure, and 0 dB of it in SI
 SPELLED = {"C": "degC", "deg C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
 _SIGNS = str.maketrans({"℃": "degC", "°": "deg", "µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm"})
 _SYMBOL = r"(?:[A-Za-z]+|%)"
@@ -54,8 +54,9 @@ def scale_of(text: str) -> Scale | None:
     (Scale(dimensions='second', offset=0.0, factor=1e-06, decibels=False), 273.15, None)
     """
     unit = text.strip().translate(_SIGNS)
-    if unit in DECIBELS:
-        return Scale(DECIBELS[unit][0], 0.0, DECIBELS[unit][1], decibels=True)
+    if unit.lower() in DECIBELS:  # instruments write "DBM", too; to pint "db" is a tenth of a barn
+        dimensions, reference = DECIBELS[unit.lower()]
+        return Scale(dimensions, 0.0, reference, decibels=True)
     match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST_UNIT else None
     if match is None:
         return None

@@ -1,5 +1,6 @@
 """Measured light on the command line: columns of tables in W, dBm, dB or arbitrary units, and deviations of numbers."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..console import note
 from ..options import listed
 from .drive_texts import assigned
 
+DECIBELS = re.compile(r"(?<![a-z])dbm?(?![a-z])", re.IGNORECASE)
 RELATIVE = "fraction"  # arbitrary unit of powers that were in dB
 PORTS = ("drop", "through")
 WIDE = 30.0  # factor by which a rate may differ from its start
@@ -59,7 +61,7 @@ def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     span = float(time.values[-1] - time.values[0])
     if not time_unit and span > LONGEST_TIME:
         raise InputError(f"the times of {path} state no unit and span {span:g}", 'give --units "us,mV"')
-    t = _si_values(path, time, time_unit or "s", TIME)
+    t = _si_values(path, time, time_unit or "s", TIME, "us,mV")
     drop, unit = watts_of(f"{path}: {signal.label}", signal.values, light_unit)
     if unit != "W":
         note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
@@ -71,7 +73,7 @@ def sweep_table(path: Path, columns: str, units: str | None, port: str | None) -
     laser, light, laser_unit, light_unit = _two_columns(path, columns, units, "nm,dBm")
     if not laser_unit:
         raise InputError(f"{path}: {laser.label} states no unit", 'give --units "nm,dBm"')
-    wavelength = _si_values(path, laser, laser_unit, LENGTH)
+    wavelength = _si_values(path, laser, laser_unit, LENGTH, "nm,dBm")
     name = port or next((name for name in PORTS if name in light.name.lower()), None)
     if name not in PORTS:
         what = f"--port = {port!r}" if port else f"the port of {path}, {light.label}"
@@ -81,21 +83,26 @@ def sweep_table(path: Path, columns: str, units: str | None, port: str | None) -
 
 
 def _two_columns(path: Path, columns: str, units: str | None, example: str) -> tuple[Column, Column, str, str]:
-    """Two columns of a table, and the unit of each: that of ``units``, else that of its header."""
+    """Two columns of a table, and the unit of each: that of ``units``, else that of its header.
+
+    Of light, decibels in the name of the column count, too.
+    """
     from thermofem.data.number_table import number_table
 
     first, second = number_table(path.read_bytes()).pair(columns)
     stated = listed(units) or ["", ""]
     if len(stated) != 2:
         raise InputError(f"--units = {units!r} must be two units", f'such as "{example}"')
-    return first, second, stated[0] or first.unit, stated[1] or second.unit
+    named = DECIBELS.search(second.name)  # "through_dBm" has no unit in brackets, and is no linear scale
+    light_unit = second.unit or (named[0] if named else "")
+    return first, second, stated[0] or first.unit, stated[1] or light_unit
 
 
-def _si_values(path: Path, column: Column, unit: str, dimensions: str) -> Array:
+def _si_values(path: Path, column: Column, unit: str, dimensions: str, example: str) -> Array:
     """Values of a column in SI; InputError for a unit that is unknown or measures something else."""
     scale = scale_of(unit)
     if scale is None or scale.dimensions != dimensions:
-        raise InputError(f"{path}: {column.label} is in {unit!r}, no unit of {dimensions}", 'give --units "us,dBm"')
+        raise InputError(f"{path}: {column.label} is in {unit!r}, no unit of {dimensions}", f'give --units "{example}"')
     return scale.in_si(column.values)
 
 

@@ -79,25 +79,28 @@ def _progress(share: Array, rise_time: float | None) -> str:
     return words + (f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else "")
 
 
-def note_domain(errors: ArrayLike, accuracy: float) -> int:
-    """Return of how many geometries the domain's finite size changes R_th by more than ``accuracy``, and print it."""
+def note_domain(errors: ArrayLike, accuracy: float, option: str = "accuracy") -> int:
+    """Return of how many geometries the domain's finite size changes R_th by more than ``accuracy``, and print it.
+
+    option: the name under which the command takes the accuracy.
+    """
     errors = np.asarray(errors)
     cut = int((errors > accuracy).sum())
     if cut:
         which = f"{cut} of {errors.size} geometries have a " if errors.size > 1 else ""
         note(
-            f"{which}domain_error of up to {np.nanmax(errors):.1e}, above accuracy = {accuracy:g}: the bottom or outer "
+            f"{which}domain_error of up to {np.nanmax(errors):.1e}, above {option} = {accuracy:g}: the bottom or outer "
             'side is too near: move it outwards, or make it "open" where the stack goes on'
         )
     return cut
 
 
-def note_cut(domain_error: float, accuracy: float) -> None:
+def note_cut(domain_error: float, accuracy: float, option: str = "accuracy") -> None:
     """Print `note_domain` of one geometry, unless the log has warned of an error as large as this."""
     from thermofem.fem.domain_truncation import NOTABLE
 
     if domain_error <= NOTABLE:
-        note_domain([domain_error], accuracy)
+        note_domain([domain_error], accuracy, option)
 
 
 def draw_preview(section: th.CrossSection, mesh: th.mesh.Mesh, path: Path) -> None:

@@ -18,7 +18,7 @@ from thermofem.geometry.resistor import heater_sheet
 from thermofem.geometry.section_parts import LIGHT, Guide
 from thermofem.optics.mode import Mode
 
-from ..console import say, working, written, wrote
+from ..console import note, say, working, written, wrote
 from .heater_sheets import say_each
 from .reductions import LEAST_TOLERANCE, over_channels
 
@@ -92,7 +92,7 @@ def reduced_racetrack(
 
 
 def _radius(section: th.CrossSection, name: str) -> float:
-    part = next(part for part in section.parts if part.name == name)
+    part = section.part(name)
     return (part.inner_radius + part.outer_radius) / 2
 
 
@@ -135,13 +135,19 @@ def say_racetrack_sheets(section: th.CrossSection, mode: Mode | None = None) -> 
 
     mode: the light, by default that of [light].
     """
-    if len(section.heated) == 1 or (mode is None and section.light is None):
+    if mode is None and section.light is None:
+        return {}
+    core = mode.core if mode else section.light.part  # type: ignore[union-attr]  # one of both is there
+    heaters = [name for name in section.heated if name != core]
+    if not heaters:
+        return {}
+    if core not in section.heated:
+        note(f"no data sheet of heaters: the light is read beside the heat of {core!r}; give that part heated = true")
         return {}
     if mode is None:
         with working("solving the light"):
             mode = th.light(section).mode()
-    lit = replace(section, light=section.light or Guide(mode.wavelength, mode.core))
-    heaters = [name for name in lit.heated if name != mode.core]
+    lit = replace(section, light=Guide(mode.wavelength, core, polarisation=mode.name[:2]))
     model, _ = racetrack_model(lit, LEAST_TOLERANCE, heaters, [*heaters, LIGHT])
     sheets = {}
     for column, name in enumerate(heaters):
