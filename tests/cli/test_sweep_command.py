@@ -79,7 +79,9 @@ def test_what_a_table_leaves_open_is_asked_for(tmp_path, header, arguments, said
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(("header", "units"), [("t (us),drop [DBM]", None), ("t (us),drop_dBm", None), ("t,drop", "us,dbm")])
+@pytest.mark.parametrize(
+    ("header", "units"), [("t (us),drop [DBM]", None), ("t (us),drop_dBm", None), ("t,drop", "us,dbm")]
+)
 def test_a_trace_in_dbm_is_in_watts(tmp_path, header, units):
     """0 dBm is 1 mW and -10 dBm .1 mW."""
     rows = np.column_stack([np.arange(5), [0, -10, 0, -10, 0]])

@@ -12,6 +12,7 @@ import coupled
 import surrogate
 import thermofem as th
 from surrogate.reduction.racetrack_reduction import reduce_racetrack
+from thermofem_cli.results.racetracks import say_racetrack_sheets
 
 LIGHT = th.geometry.Guide(part="core", wavelength=1.55e-6)
 PAPER = replace(th.strip_ring(radius=7e-6), straight=3e-6, light=LIGHT)  # Borghi et al. 2021: 7 um and 3 um
@@ -161,6 +162,22 @@ def test_show_and_ring_print_the_data_sheet_of_a_racetrack(tmp_path):
     assert ring.returncode == 0, ring.stderr
     # th.light and ring_from solve for the mode alike
     assert json.loads(ring.stdout)["heaters"]["heater"] == pytest.approx(sheet, rel=1e-6)
+
+
+def test_the_data_sheet_of_a_racetrack_is_that_of_the_mode_asked_for(capsys):
+    """TM0 of a file whose [light] is TE: the rise where TM0 runs. Without heat in the core there is no such rise."""
+    heated = replace(th.heated_ring(radius=7e-6), straight=3e-6)
+    section = replace(heated, light=LIGHT)
+    vertical = replace(heated, light=replace(LIGHT, polarisation="TM"))
+    sheet = say_racetrack_sheets(section, th.light(section).mode("TM0"))["heaters"]["heater"]
+    gain = reduce_racetrack(vertical).model.channel("heater", "light").thermal_resistance
+    # 1e-6: the same computation; TE0 sees another rise by 3e-4
+    assert sheet["thermal_resistance"] == pytest.approx(gain, rel=1e-6)
+    core, heater = section.parts
+    lower = replace(heater, name="lower", bottom=heater.bottom - 0.5e-6)
+    dark = replace(section, parts=(replace(core, heated=False), heater, lower))
+    assert say_racetrack_sheets(dark) == {}
+    assert "no data sheet of heaters: the light is read beside the heat of 'core'" in capsys.readouterr().err
 
 
 def test_reduce_ring_and_simulate_follow(tmp_path, paper):
