@@ -49,7 +49,7 @@ def reproduce(
 
     checkouts = [folder for folder in (SOURCES, Path.cwd()) if (folder / "paper" / "report" / "runner.py").is_file()]
     if not checkouts:
-        where = "run it in the folder of the sources, which has paper/"
+        where = "run it, or make demo, in the folder of the sources, which has paper/"
         raise InputError("reproduce needs a checkout", where)
     if str(checkouts[0]) not in sys.path:  # that of an installed program has no working folder
         sys.path.append(str(checkouts[0]))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-from operator import itemgetter
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -251,18 +249,20 @@ def test_an_interpolated_property_states_its_error(family):
         surrogate.uncertainty(family, spread, none, samples=256, interpolate=40)
 
 
-def deadly(radius):
-    if radius == 3.0:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return 2 * radius
-
-
 @pytest.mark.slow
-def test_a_member_that_kills_its_process_has_no_value_and_the_others_do(caplog):
-    one = Property(SimpleNamespace(at=itemgetter("radius")), deadly)  # of a family whose models are their radius
+def test_a_member_that_kills_its_process_has_no_value_and_the_others_do(family, caplog):
+    members = [{"radius": radius, "width": 450e-9, "box": 2e-6} for radius in (7e-6, 8e-6, 9e-6)]
+    R = [family.at(member).thermal_resistance for member in members]
+
+    def deadly(model):
+        if model.thermal_resistance == R[1]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 2 * model.thermal_resistance
+
+    one = Property(family, deadly)
     with processes(2) as executor:
-        found = one.many([{"radius": 2.0}, {"radius": 3.0}, {"radius": 4.0}], executor)
-    np.testing.assert_array_equal(found, [4, np.nan, 8])
+        found = one.many(members, executor)
+    np.testing.assert_array_equal(found, [2 * R[0], np.nan, 2 * R[2]])
     assert "killed twice" in one.reason
     assert "members without deadly (1): its worker process was killed twice" in caplog.text
 
