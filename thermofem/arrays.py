@@ -73,6 +73,13 @@ def autocorrelation(residuals: Array) -> Array:
     return rho[1 : 2 * count]
 
 
+def noise_of(y: Array) -> float:
+    """Standard deviation of white noise in y: from the median of its second differences, robust against edges."""
+    curvature = float(np.median(np.abs(np.diff(y, 2))))
+    noise = curvature / (0.6745 * np.sqrt(6))  # 0.6745: median of the absolute value of a standard normal number
+    return max(noise, 1e-6 * float(np.ptp(y)), 1e-300)
+
+
 def rms(x: Array) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(x**2)))

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from thermofem import InputError, checks
-from thermofem.arrays import Array, Complex, NDArray
+from thermofem.arrays import Array, Complex, NDArray, noise_of
 from thermofem.data.variables import in_si
 
 from ..inputs import check_detuning, check_power, datasets, noises
 from ..thermal import Compact
-from .forced_filters import Forced, noise_of
+from .forced_filters import Forced
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from thermofem.arrays import Array
+from thermofem.arrays import Array, noise_of
 from thermofem.errors import InputError
 
 from ..kernel import units
@@ -39,12 +39,6 @@ NEWTON_PASSES = 3  # of Newton's method for carriers whose lifetime depends on t
 SCALE = (0.15, 1.1)  # the largest drop over that of the cold ring on resonance: pulses reach .15 to 1.1 (measured)
 BIAS, INFLATED = 0.03, 15.0  # of logarithms, and of its own deviations: how far off a forced fit may be (measured)
 OPEN = 1e-4  # 1/variance of a logarithm that nothing determines
-
-
-def noise_of(drop: Array) -> float:
-    """Standard deviation of white noise in a trace: from the median of its second differences, robust against edges."""
-    median = float(np.median(np.abs(np.diff(drop, 2))))
-    return max(median / 0.6745 / np.sqrt(6), 1e-6 * float(np.ptp(drop)), 1e-300)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,11 @@ import xarray as xr
 from scipy.constants import c, pi
 
 from thermofem import InputError, checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, noise_of
 from thermofem.data import quantity
 from thermofem.data.variables import in_si
 
 from ..equilibria.transmission import PortCurve
-from ..identification.forced_filters import noise_of
 from ..inputs import check_power
 from ..resonator import RingResonator
 

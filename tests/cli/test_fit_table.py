@@ -144,7 +144,7 @@ def test_a_settled_square_wave_is_named_and_fitted_from_an_earlier_start(tmp_pat
     y = 296.1 + MODEL.response(wave, t)
     path = tmp_path / "settled.csv"
     np.savetxt(path, np.column_stack([(t - 39e-6) * 1e6, y]), delimiter=",", header="t (us),T (K)", comments="")
-    assert "they are not at rest" in read_trace(path, wave).attrs["assumed"]
+    assert "depart from rest" in read_trace(path, wave).attrs["assumed"]
     found = read_trace(path, wave, start=-19e-6, baseline=296.1)  # 10 periods: exp(-20 / 1.2) of the rise is missing
     assert "warning" not in found.attrs["assumed"]
     fit = surrogate.fit_foster(found, order=2)

@@ -14,7 +14,8 @@ import coupled
 import thermofem as th
 from coupled.equilibria.transmission import sweep
 from coupled.ring_toml import write_text
-from thermofem_cli.inputs.light_tables import drop_table, watts_of
+from thermofem.data.column_units import Column, light_in_si
+from thermofem_cli.inputs.light_tables import drop_table
 
 ONE = replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
 TRUE = {"bus_rate": 3e9, "loss_rate": 6e9, "frequency": c / 1550.3e-9, "thermal_resistance": 9e3}
@@ -101,11 +102,17 @@ def test_decibels_without_a_unit_are_asked_for(tmp_path):
     assert 'give --units "us,dBm"' in done.stderr
 
 
-def test_units_of_light():
-    """10 dB are a factor of 10; mW are W; V stay."""
-    y = np.array([0.0, 10.0])
-    np.testing.assert_allclose(watts_of("y", y - 10, "dB")[0], [0.1, 1.0])
-    assert watts_of("y", y, "dB")[1] == "fraction"
-    assert watts_of("y", y, "mW")[1] == "W"
-    np.testing.assert_allclose(watts_of("y", y, "mW")[0], 1e-3 * y)
-    assert watts_of("y", y, "V")[1] == "V"
+@pytest.mark.parametrize(
+    ("unit", "watts", "si"),
+    [
+        ("dB", [0.1, 1.0], "fraction"),
+        ("mW", [-0.01, 0.0], "W"),
+        ("mV", [-0.01, 0.0], "V"),
+        ("counts", [-10, 0], "counts"),
+    ],
+)
+def test_units_of_light(unit, watts, si):
+    """10 dB are a factor of 10; mW are W, mV are V; an arbitrary unit stays."""
+    light, in_unit = light_in_si(Column(1, "y", unit, np.array([-10.0, 0.0])), "")
+    np.testing.assert_allclose(light, watts, rtol=1e-12)
+    assert in_unit == si

@@ -8,8 +8,9 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.data.column_units import LONGEST_UNIT, scale_of
+from thermofem.data.column_units import scale_of
 from thermofem.data.number_table import number_table
+from thermofem.data.quantity import LONGEST_UNIT
 
 TIMES = np.linspace(0, 10e-6, 101)
 MODEL = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
@@ -185,7 +186,7 @@ def test_layouts_of_instruments_and_simulators(layout, tmp_path):
         ("Time (s),T (K)\n", "{t},{y}\n", {"start": "gate"}, "--start = 'gate'.*header of a drive.*1 'Time"),
         ("Time,T (K)\n", "{k},{y}\n", {}, "span of column.*60.*--units"),
         ("Record of 10 us\nTime,T (K)\n", "{t},{y}\n", {}, "Record of 10 us.*--units"),
-        ("Time (s),Shift (pm)\n", "{t},{y}\n", {}, 'sensitivity "... pm/K"'),
+        ("Time (s),Shift (pm)\n", "{t},{y}\n", {}, 'sensitivity, such as "75 pm/K"'),
         ("Time (s),T (K)\n", "{t:.0e},{y}\n", {}, "rounded"),
         ("a,b,c\n", "{t},{y},1\n", {}, "3 columns of numbers.*--columns"),
         ("Time (s),T (K)\n", "{t},{y}\n", {"sensitivity": "1 mV/K"}, "sensitivity"),

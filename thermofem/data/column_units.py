@@ -1,4 +1,4 @@
-"""Units of columns: what the unit in a header measures, and its scale in SI.
+"""Columns of tables: what the unit in a header measures, its scale in SI, and what a column is read as.
 
     value = offset + factor * number,        of decibels    value = reference * 10^(number/10)
 
@@ -7,28 +7,33 @@ so that "degC" gives K, "nm" gives m, "dBm" gives W and "dB" a ratio of powers.
 
 import math
 import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+from .. import checks
 from ..arrays import Array
-from .quantity import registry
+from .quantity import LONGEST_UNIT, registry
 
 TIME = "second"
 TEMPERATURE = "kelvin"
 LENGTH = "meter"
-FREQUENCY = "1 / second"
 RATIO = "dimensionless"
 VOLTAGE = "kilogram * meter ** 2 / ampere / second ** 3"
 POWER = "kilogram * meter ** 2 / second ** 3"
 IMPEDANCE = "kelvin * second ** 3 / kilogram / meter ** 2"  # thermal, K/W
 
 DECIBELS = {"db": (RATIO, 1.0), "dbm": (POWER, 1e-3), "dbw": (POWER, 1.0)}  # what they measure, and 0 dB of it in SI
+LIGHT = {POWER: "W", VOLTAGE: "V", RATIO: "fraction"}  # what detectors measure, in SI; any other unit is arbitrary
 SPELLED = {"C": "degC", "deg C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
 _SIGNS = str.maketrans({"℃": "degC", "°": "deg", "µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm"})
 _SYMBOL = r"(?:[A-Za-z]+|%)"
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _UNIT = re.compile(rf"({_NUMBER})?\s*({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})", re.ASCII)
-LONGEST_UNIT = 40  # characters
+# a name without a factor ("10^3 T", "T x 1000": its scale is open), and a unit; COMSOL writes a remark after a comma
+_HEADER = re.compile(r"(?!.*(?:\d\s*x\b|\bx\s*\d))([^()\[\]*^×·]*)[(\[]([^()\[\]]+)[)\]]\s*(?:,.*)?")
+_DECIBELS = re.compile(r"(?<![a-z])db[mw]?(?![a-z])", re.IGNORECASE)
 
 
 class Scale(NamedTuple):
@@ -57,8 +62,8 @@ def scale_of(text: str) -> Scale | None:
     if unit.lower() in DECIBELS:  # instruments write "DBM", too; to pint "db" is a tenth of a barn
         dimensions, reference = DECIBELS[unit.lower()]
         return Scale(dimensions, 0.0, reference, decibels=True)
-    match = _UNIT.fullmatch(SPELLED.get(unit, unit)) if len(unit) <= LONGEST_UNIT else None
-    if match is None:
+    match = _UNIT.fullmatch(SPELLED.get(unit, unit))
+    if match is None or len(unit) > LONGEST_UNIT:
         return None
     symbols = SPELLED.get(match[2], match[2])
     scale = _parsed(symbols)  # as it stands: "Msec" is a megasecond, no millisecond
@@ -82,3 +87,105 @@ def _parsed(symbols: str) -> Scale | None:
         return None
     offset = float(zero.magnitude)
     return Scale(str(zero.units), offset, float(one.magnitude) - offset)
+
+
+def name_and_unit(header: str) -> tuple[str, str]:
+    """Name and unit of a header ``name (unit)`` or ``name [unit]``; any other is a name without a unit but decibels.
+
+    >>> name_and_unit("TIME (us)"), name_and_unit("V(core)"), name_and_unit("drop_dBm")
+    (('TIME', 'us'), ('V(core)', ''), ('drop_dBm', 'dBm'))
+    """
+    match = _HEADER.fullmatch(header)
+    if match and scale_of(match[2]):
+        return match[1].strip(), match[2].strip()
+    decibels = _DECIBELS.search(header)  # such a name has no unit in brackets, and is no linear scale
+    return header.strip(), decibels[0] if decibels else ""
+
+
+def units_by_role(units: str | Mapping[str, str] | None, roles: Collection[str]) -> dict[str, str]:
+    """Units that the user states, "us,mV" in the order of the roles or {"time": "us"}; InputError for other roles."""
+    if not isinstance(units, str):
+        stated = dict(units or {})
+        for role in stated:
+            checks.choice("units", role, roles)
+        return stated
+    texts = [text.strip() for text in units.split(",")]
+    if not 2 <= len(texts) <= len(roles):
+        raise checks.InputError(f"--units = {checks.shown(units)} must be two units", 'such as "us,mV"')
+    return dict(zip(roles, texts, strict=False))
+
+
+class Role(NamedTuple):
+    """What a column is read as.
+
+    name: "time", "temperature", ...
+    dimensions: that its unit may have.
+    hint: how to state another unit.
+    unit, names, longest: headers that may stand without a unit, which is then this one; the values of such a column
+        span no more than ``longest``.
+    """
+
+    name: str
+    dimensions: tuple[str, ...]
+    hint: str
+    unit: str = ""
+    names: tuple[str, ...] = ()
+    longest: float = math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of numbers.
+
+    number: in the file, from 1.
+    header: the cell above it, "" where there is none.
+    unit: that of the header or, instead, of the user; "" where neither states one.
+    values [shape (rows,)]: as the file has them.
+    """
+
+    number: int
+    header: str
+    unit: str
+    values: Array
+
+    @property
+    def name(self) -> str:
+        """The header without its unit."""
+        return name_and_unit(self.header)[0]
+
+    @property
+    def label(self) -> str:
+        """The column as messages name it."""
+        return f"column {self.header!r}" if self.header else f"column {self.number}"
+
+    @property
+    def scale(self) -> Scale | None:
+        """What the column measures; None where it states no unit."""
+        return scale_of(self.unit)
+
+    def in_si(self, role: Role) -> Array:
+        """Values in SI.
+
+        Raises InputError: no unit, or one that does not fit the role; numbers that are not finite.
+        """
+        scale = self.scale
+        if scale is None or scale.dimensions not in role.dimensions:
+            fault = f"is in {checks.shown(self.unit)}, no unit of its {role.name}" if self.unit else "states no unit"
+            raise checks.InputError(f"{self.label} {fault}", role.hint)
+        # beyond 1e30 is the code of an overload; as the file writes it: 1e30 dBm overflows in W
+        checks.numbers(self.label, self.values, most=1e30, hint="take such rows out")
+        return scale.in_si(self.values)
+
+
+def light_in_si(column: Column, hint: str) -> tuple[Array, str]:
+    """Light in W, V or a fraction, and that unit; in another unit as the file has it.
+
+    Raises InputError: a unit of time or temperature; numbers that are not finite.
+    """
+    scale = column.scale
+    if scale and scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
+        raise checks.InputError(f"{column.label} is in {checks.shown(column.unit)}, no unit of light", hint)
+    light = checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
+    if scale is None or scale.dimensions not in LIGHT:
+        return light, column.unit or "arbitrary"
+    return scale.in_si(light), LIGHT[scale.dimensions]

@@ -14,12 +14,12 @@ the end than between 2 and 10 %.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import checks
-from ..arrays import Array, runs_of
+from ..arrays import Array, noise_of, runs_of
 from ..piecewise import bounds
 from ..waveforms import Waveform
 
@@ -37,10 +37,10 @@ def static_gain(data: xr.Dataset) -> float | None:
     stated = data.attrs.get("thermal_resistance")
     if stated is None:
         return None
-    return checks.positive("data.attrs['thermal_resistance']", np.asarray(stated).tolist(), unit="K/W")
+    return checks.positive("data.attrs['thermal_resistance']", stated, unit="K/W")
 
 
-def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> tuple[str, ...]:
+def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> list[str]:
     """Sentences on doubtful data; InputError where they contradict the thermal resistance that the Dataset states.
 
     wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
@@ -49,13 +49,13 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         conductivity or specific heat depend on temperature.
     """
     swing = float(np.ptp(rise))
-    noise = 0.0
-    if rise.size > 4:
-        curvature = float(np.median(np.abs(np.diff(rise, 2))))
-        noise = 6.0 * curvature / (0.6745 * np.sqrt(6))  # 6 sigmas of the noise of one sample: 1e-9 a sample
-    rtol = _rtol(data)
+    noise = 6.0 * noise_of(rise)  # 1e-9 a sample are beyond 6 sigmas
+    # 1e-3: of data that do not state the relative error of their solver
+    rtol = checks.between("data.attrs['rtol']", data.attrs.get("rtol", 1e-3), 0.0, 1.0)
     R = static_gain(data)
-    notes = () if periodic else _before_heat(wave, times, rise, noise + rtol * swing)
+    offset = 0.0 if periodic else _before_heat(wave, times, rise)
+    shown = abs(offset) > max(noise + rtol * swing, 0.01 * swing)
+    notes = [f"delta_T is {offset:.4g} K before any heat, 0 K is at rest; {WRONG}"] if shown else []
     if R is None or data.attrs.get("temperature_dependent"):
         return notes
     begin = float(times[0])
@@ -83,22 +83,13 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     return notes
 
 
-def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) -> tuple[str, ...]:
-    """A sentence where a transient from rest has a temperature rise before the power begins."""
+def _before_heat(wave: Waveform, times: Array, rise: Array) -> float:
+    """The largest rise (K) of a transient from rest before its power begins, 0.0 where it shows no such time."""
     heated = np.flatnonzero(wave(times) > 0)
     if not heated.size or times[0] != 0:
-        return ()
+        return 0.0
     first = rise[: heated[0] + 1]
-    offset = first[np.argmax(np.abs(first))]
-    if abs(offset) <= max(tolerance, 0.01 * float(np.ptp(rise))):
-        return ()
-    return (f"delta_T is {offset:.4g} K before any heat, 0 K is at rest; {WRONG}",)
-
-
-def _rtol(data: xr.Dataset) -> float:
-    """Relative error of the solver, as the Dataset states it."""
-    stated: Any = data.attrs.get("rtol", 1e-3)  # 1e-3 for data that do not state the rtol of their solver
-    return checks.between("data.attrs['rtol']", np.asarray(stated).tolist(), 0.0, 1.0)
+    return float(first[np.argmax(np.abs(first))])
 
 
 CLIPPED_ROWS = 12  # at the extreme value, at least

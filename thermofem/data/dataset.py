@@ -181,17 +181,14 @@ def response_of(data: xr.Dataset) -> Response:
         _check_one_period("data.time", times, wave)
     doubts = contradictions(data, wave, times, rise, periodic=periodic)
     if clipped := clipping(rise, unit_of(data.attrs.get("assumed", ""))):
-        doubts = (*doubts, clipped)
+        doubts.append(clipped)
     words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
-    gain = static_gain(data)
-    if periodic:
-        return Response(wave, times, rise, periodic, words, gain, doubts)
     # 100.0 of the span of a trace: how far its start may be off, where most of its rows were left out
     within = _estimated(data, START, 0.0, 100.0 * float(np.ptp(times)))
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
     within = min(within, float(times[-1]) / FEWEST)
-    return Response(wave, times, rise, periodic, words, gain, doubts, within, rest, noise)
+    return Response(wave, times, rise, periodic, words, static_gain(data), tuple(doubts), within, rest, noise)
 
 
 def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:

@@ -7,8 +7,8 @@ What the table does not say is found from the rows and listed in ``attrs["assume
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -16,22 +16,35 @@ import xarray as xr
 from .. import checks
 from ..arrays import Array
 from ..waveforms import Constant, Waveform
-from . import dataset, files, heating_start, light_start, quantity
-from .column_units import IMPEDANCE, POWER, TEMPERATURE, TIME, VOLTAGE, scale_of
-from .number_table import Column, NumberTable, name_and_unit, number_table
-from .variables import VOLTS, unit_of
+from . import dataset, files, quantity
+from .column_units import (
+    IMPEDANCE,
+    POWER,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
+    Column,
+    Role,
+    light_in_si,
+    name_and_unit,
+    scale_of,
+    units_by_role,
+)  # fmt: skip
+from .heating_start import Rows, light_of, rise_of, sampled_power
+from .number_table import NumberTable, number_table
+from .variables import VOLTS
 
-LONGEST_TIME = 1.0  # s; a column of time without unit that is longer may be in another unit
 LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of the rows that may lie between both
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
-READINGS: tuple[str, ...] = (TEMPERATURE, VOLTAGE, IMPEDANCE)
-ROLES = ("time", "temperature", "power")
-SI_NAMES = {  # headers that may stand without a unit where nothing stands above them; it is then that of SI
-    "time": ("s", ("t", "time", "Time", "TIME", "Zeit")),
-    "temperature": ("K", ("T", "dT", "delta_T", "temperature", "Temperature", "rise")),
-}
 ARRAYS = {".npz": "NumPy", ".npy": "NumPy", ".mat": "MATLAB", ".h5": "HDF5", ".hdf5": "HDF5"}  # endings, of what
-ASK_UNITS = 'give the units of time and temperature, such as --units "us,mV"'
+ASK_UNITS = 'give the units of both columns, such as --units "us,mV", or other --columns'
+TIMES = Role("time", (TIME,), ASK_UNITS, "s", ("t", "time", "Time", "TIME", "Zeit"), 1.0)  # longer may be no seconds
+RISES = Role(
+    "temperature", (TEMPERATURE, IMPEDANCE, VOLTAGE), f'{ASK_UNITS}, or --sensitivity, such as "75 pm/K"',
+    "K", ("T", "dT", "delta_T", "temperature", "Temperature", "rise"),
+)  # fmt: skip
+POWERS = Role("power", (POWER,), ASK_UNITS)
+ROLES = {role.name: role for role in (TIMES, RISES, POWERS)}
 
 
 def read_trace(
@@ -94,62 +107,57 @@ def read_trace(
     path = checks.path("path", path)
     check_text(path)
     content = files.read_bytes(path, "table", most=400_000_000)
+    names = {"time": time, "temperature": temperature, "power": power if isinstance(power, str) else None}
     with checks.prefixed(str(path)):
         table = number_table(content)
         said = [f"{table.after} lines below the table are left out"] if table.after else []
-        chosen = _columns(table, columns, time, temperature, power)
-        stated = _units(units, time, temperature)
-        t = _times(table, chosen[0], stated["time"], said)
-        wave = watts = None
+        chosen = _columns(table, columns, units, names)
+        used = {column.number for column in chosen.values()}
+        t = _times(table, chosen["time"], said)
+        first, within = _given_start(table, t, start, said)
+        others = [column for column in table.columns if column.header and column.number not in used]
+        drives = [column.header for column in others if _has_two_levels(column)]
+        after = np.full(t.size, True)
         if isinstance(power, str):
-            watts = _in_si(chosen[2], stated.get("power") or chosen[2].unit, "power", (POWER,))
+            first = min(float(t[0]), 0.0) if first is None else first
+            after = t >= first
+            wave: Waveform = sampled_power(t[after] - first, chosen["power"].in_si(POWERS)[after])
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         if light:
-            y, light_unit = _light(chosen[1], stated["temperature"], said)
+            y, unit = light_in_si(chosen["temperature"], ASK_UNITS)
         else:
-            y = _temperatures(table, chosen[1], stated["temperature"], sensitivity, wave, said)
-        level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
-        first, within = _start(table, t, start, said)
-        drives = _drives(table, chosen)
-        if first is None and wave is not None and None not in (heated, read) and heated != read:
+            y, unit = _temperatures(table, chosen["temperature"], sensitivity, wave, said)
+        if isinstance(power, str):  # a column of power jumps at a time that stands twice
+            t = t[after]
+            y = y[after]
+        else:
+            t, y = _distinct(t, y, said)
+        if first is None and None not in (heated, read) and heated != read:
+            starts = "".join(f" or --start {name!r}" for name in drives)
             raise checks.InputError(
                 f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not "
                 "searched",
-                f'give --start, such as --start "0 s"{"".join(f" or --start {name!r}" for name in drives)}',
+                f'give --start, such as --start "0 s"{starts}',
             )
-        if watts is None:  # a power column jumps at a time that stands twice
-            t, y = _distinct(t, y, said)
-        else:
-            first = min(float(t[0]), 0.0) if first is None else first
-            after = t >= first
-            t = t[after]
-            y = y[after]
-            wave = heating_start.sampled_power(t - first, watts[after])
-        assert wave is not None
-        rows = heating_start.Rows(t, y, wave, unit_of(said), said)
-        if light:
-            times, rise, wave, about = light_start.light_of(rows, first, fall)
-        else:
-            times, rise, about = heating_start.rise_of(rows, first, level, fall, watts is not None)
-        searched = "light" if light else "rise"
-        about[dataset.START_FROM] = searched if first is None else "given"
-        if first is None:
-            said += [
-                f"{name!r} has two levels, as a drive has: --start {name!r} takes its first edge" for name in drives
-            ]
-        if within:
-            about[dataset.START] = within
-    sources = [f"{role}: {column.header or column.number}" for role, column in zip(ROLES, chosen, strict=False)]
-    attributes: dict[str, Any] = {"source": path.name, "source_sha256": hashlib.sha256(content).hexdigest()}
-    attributes["source_columns"] = ", ".join(sources)
-    attributes["assumed"] = "\n".join(said)
+        rows = Rows(t, y, wave, unit, said, "fall" if fall else "heating")
+        level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
+        times, rise, wave, about = light_of(rows, first) if light else rise_of(rows, first, level)
+    about[dataset.START_FROM] = "given"
+    if first is None:
+        about[dataset.START_FROM] = "light" if light else "rise"
+        said += [f"{name!r} has two levels, as a drive has: --start {name!r} takes its first edge" for name in drives]
+    if within:
+        about[dataset.START] = within
     if heated is not None:
-        attributes["heated"] = heated
+        about["heated"] = heated
     if light:
-        attributes[dataset.LIGHT_UNIT] = light_unit
+        about[dataset.LIGHT_UNIT] = unit if unit in ("W", "V") else ""
+    sources = [f"{role}: {chosen[role].header or chosen[role].number}" for role in ROLES if role in chosen]
+    about |= {"source": path.name, "source_sha256": hashlib.sha256(content).hexdigest()}
+    about |= {"source_columns": ", ".join(sources), "assumed": "\n".join(said)}
     part = read or temperature or "core"
-    return dataset.build(times, rise, wave, read=(part,), attributes=attributes | about)
+    return dataset.build(times, rise, wave, read=(part,), attributes=about)
 
 
 def check_text(path: Path) -> None:
@@ -159,7 +167,54 @@ def check_text(path: Path) -> None:
         raise checks.InputError(f"{path} holds arrays of {program}, no table of text", f"write two of them: {hint}")
 
 
-def _start(table: NumberTable, t: Array, start: str | float | None, said: list[str]) -> tuple[float | None, float]:
+def _columns(
+    table: NumberTable,
+    columns: str | Sequence[int] | None,
+    units: str | Mapping[str, str] | None,
+    names: Mapping[str, str | None],
+) -> dict[str, Column]:
+    """The column of each role: by number, by name, or the one that measures it; with the units that the user states."""
+    chosen = {role: table.named(role, name) for role, name in names.items() if name is not None}
+    if columns is not None:
+        first, second = table.pair(columns)
+        chosen |= {"time": first, "temperature": second}
+    for role, few in ((TIMES, 2), (RISES, 1)):
+        if role.name not in chosen:
+            free = [column for column in table.columns if column not in chosen.values()]
+            likely = [column for column in free if _measures(column, role)]
+            if len(likely) != 1 and len(free) <= few:
+                likely = free[:1]
+            if len(likely) == 1:
+                chosen[role.name] = likely[0]
+    if {"time", "temperature"} - chosen.keys() or chosen["time"] is chosen["temperature"]:
+        example = ",".join(str(column.number) for column in table.columns[:2])
+        raise checks.InputError(
+            f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
+            f"{example}, or --time and --temperature"
+        )
+    stated = units_by_role(units, ROLES)
+    for name, column in chosen.items():
+        unit = stated.get(name) or name_and_unit(names[name] or "")[1] or column.unit
+        chosen[name] = replace(column, unit=unit)
+    return chosen
+
+
+def _measures(column: Column, role: Role) -> bool:
+    """Whether the unit of a column, or without one its header, says its role; volts may be anything."""
+    if column.scale is None:
+        return column.header in role.names
+    return column.scale.dimensions in role.dimensions and column.scale.dimensions != VOLTAGE
+
+
+def _times(table: NumberTable, column: Column, said: list[str]) -> Array:
+    """Times in s, checked not to decrease."""
+    t = table.with_unit(column, TIMES, said).in_si(TIMES)
+    return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
+
+
+def _given_start(
+    table: NumberTable, t: Array, start: str | float | None, said: list[str]
+) -> tuple[float | None, float]:
     """Start of heating in s, None where it is to be found, and how far it may be off: from a quantity or a column."""
     if not isinstance(start, str):
         return start, 0.0
@@ -168,7 +223,7 @@ def _start(table: NumberTable, t: Array, start: str | float | None, said: list[s
             return quantity.parse(start, "s", name="--start"), 0.0
         except checks.InputError as error:
             raise checks.InputError(str(error), f"or the header of a drive, of {table.listed}") from None
-    column = _named(table, "start", start)
+    column = table.named("start", start)
     if not _has_two_levels(column):
         rule = "has not two levels, as a drive that is switched has"
         raise checks.InputError(f"--start = {checks.shown(start)}: {column.label} {rule}", "give --start in s")
@@ -181,154 +236,40 @@ def _start(table: NumberTable, t: Array, start: str | float | None, said: list[s
 
 def _has_two_levels(column: Column) -> bool:
     """Whether nearly all rows are at the lowest or the highest value, as those of a drive that is switched."""
-    low = column.values.min()
     swing = np.ptp(column.values)
-    between = (column.values > low + LEVEL * swing) & (column.values < low + (1 - LEVEL) * swing)
+    level = column.values - column.values.min()
+    between = (level > LEVEL * swing) & (level < (1 - LEVEL) * swing)
     return bool(0 < swing < np.inf and between.mean() <= EDGES)
 
 
-def _drives(table: NumberTable, chosen: Sequence[Column]) -> list[str]:
-    """Headers of the columns of two levels beside the chosen ones."""
-    others = [column for column in table.columns if column.header and column not in chosen]
-    return [column.header for column in others if _has_two_levels(column)]
-
-
-def _columns(
-    table: NumberTable, columns: Any, time: str | None, temperature: str | None, power: Any
-) -> tuple[Column, ...]:
-    """Columns of time and temperature and, where ``power`` is the name of one, of power."""
-    drive = (_named(table, "power", power),) if isinstance(power, str) else ()
-    if columns is not None:
-        return (*table.pair(columns), *drive)
-    first = None if time is None else _named(table, "time", time)
-    second = None if temperature is None else _named(table, "temperature", temperature)
-    free = [column for column in table.columns if column not in (first, second, *drive)]
-    if first is None:
-        first = _only(free, "time", (TIME,)) or (free[0] if 0 < len(free) <= 2 else None)
-    free = [column for column in free if column is not first]
-    if second is None:
-        second = _only(free, "temperature", (TEMPERATURE, IMPEDANCE)) or (free[0] if len(free) == 1 else None)
-    if first is None or second is None or first is second:
-        example = ",".join(str(column.number) for column in table.columns[:2])
-        raise checks.InputError(
-            f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
-            f"{example}, or --time and --temperature"
-        )
-    return first, second, *drive
-
-
-def _only(columns: Sequence[Column], role: str, dimensions: tuple[str, ...]) -> Column | None:
-    """The one column whose unit, or without one whose name, says that it is a time or a temperature; else None."""
-    names = SI_NAMES[role][1]
-    likely = []
-    for column in columns:
-        measures = column.scale.dimensions in dimensions if column.scale else column.header in names
-        if measures:
-            likely.append(column)
-    return likely[0] if len(likely) == 1 else None
-
-
-def _named(table: NumberTable, role: str, name: str) -> Column:
-    """The column with this header, with or without its unit."""
-    short = name_and_unit(name)[0]
-    same = [column for column in table.columns if column.header == name]
-    same = same or [column for column in table.columns if column.name == short]
-    if len(same) != 1:
-        numbers = ",".join(str(column.number) for column in same)
-        rule = f"names the columns {numbers}" if same else "is none of the columns"
-        raise checks.InputError(
-            f"--{role} = {checks.shown(name)} {rule}", f"say which by number, --columns, of {table.listed}"
-        )
-    return same[0]
-
-
-def _units(units: str | Mapping[str, str] | None, time: str | None, temperature: str | None) -> dict[str, str]:
-    """Units by role ("time", "temperature") from either form of ``units``, else from behind the names of columns."""
-    given = dict(zip(ROLES, units.split(","), strict=False)) if isinstance(units, str) else dict(units or {})
-    for role in given:
-        checks.choice("units", role, ROLES)
-    for role, name in (("time", time), ("temperature", temperature)):
-        given[role] = given.get(role) or name_and_unit(name or "")[1]
-    return given
-
-
-def _unit(table: NumberTable, column: Column, role: str, said: list[str]) -> str:
-    """Unit of a column: that of its header, the one that a line above states, or SI where the name says enough.
-
-    Raises InputError: a name that does not say it, or lines above the table that may name another unit.
-    """
-    if column.unit:
-        return column.unit
-    if stated := table.stated_unit((TIME,) if role == "time" else READINGS):
-        said.append(f"{column.label} is in {stated}, as a line above the table says")
-        return stated
-    unit, names = SI_NAMES[role]
-    if table.above or column.header not in names:
-        lines = f", and {table.above[0][:40]!r} stands above the table" if table.above else ""
-        raise checks.InputError(f"{column.label} states no unit{lines}", ASK_UNITS)
-    if role == "time":
-        span = f"the span of {column.label}, which states no unit,"
-        checks.between(span, np.ptp(column.values), 0, LONGEST_TIME, hint=ASK_UNITS)
-    said.append(f"{column.label} states no unit: {unit}")
-    return unit
-
-
-def _in_si(column: Column, unit: str, role: str, dimensions: tuple[str, ...]) -> Array:
-    """Values of a column in SI by its unit; InputError for other dimensions, and numbers that are not finite."""
-    scale = scale_of(unit)
-    if scale is None or scale.dimensions not in dimensions:
-        hint = 'give --units "us,mV" or --columns' + (f', or --sensitivity "... {unit}/K"' if role != "time" else "")
-        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of its {role}", hint)
-    # beyond 1e30 is the code of an overload; as the file writes it: 1e30 dBm overflows in W
-    checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    return scale.in_si(column.values)
-
-
-def _times(table: NumberTable, column: Column, given: str, said: list[str]) -> Array:
-    """Times in s, checked not to decrease."""
-    t = _in_si(column, given or _unit(table, column, "time", said), "time", (TIME,))
-    return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
-
-
-def _light(column: Column, given: str, said: list[str]) -> tuple[Array, str]:
-    """Light in W, V, or the unit that the table counts in, and that unit: "W", "V", or "" of an arbitrary one."""
-    unit = given or column.unit
-    if not unit:
-        said.append(f"{column.label} states no unit: light in an arbitrary one")
-    scale = scale_of(unit or "W")
-    if scale is None or scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
-        raise checks.InputError(f"{column.label} is in {checks.shown(unit)}, no unit of light", ASK_UNITS)
-    light = checks.numbers(column.label, scale.in_si(column.values), most=1e30, hint="take such rows out")
-    return light, {POWER: "W", VOLTAGE: "V"}.get(scale.dimensions, "") if unit else ""
-
-
 def _temperatures(
-    table: NumberTable, column: Column, given: str, sensitivity: str | float | None, wave: Waveform | None,
-    said: list[str],
-) -> Array:  # fmt: skip
-    """Temperatures in K, or readings divided by the sensitivity."""
-    unit = given or _unit(table, column, "temperature", said)
+    table: NumberTable, column: Column, sensitivity: str | float | None, wave: Waveform, said: list[str]
+) -> tuple[Array, str]:
+    """Temperatures in K, or readings divided by the sensitivity, and "K"; or "V" of volts that count as kelvin."""
+    column = table.with_unit(column, RISES, said)
+    read_as = f"{column.label} is in {column.unit}"
+    unit = "K"
     if sensitivity is not None:
         size, measured = _sensitivity(sensitivity)
-        said.append(f"{column.label} is in {unit}: divided by {sensitivity}")
-        y = _in_si(column, unit, f"reading, whose sensitivity is {sensitivity}", (measured,)) / size
+        reading = RISES._replace(name=f"reading, whose sensitivity is {sensitivity}", dimensions=(measured,))
+        y = column.in_si(reading) / size
+        said.append(f"{read_as}: divided by {sensitivity}")
     else:
-        y = _in_si(column, unit, "temperature", READINGS)
-        scale = scale_of(unit)
-        measured = scale.dimensions if scale else ""
-    if sensitivity is None and measured == IMPEDANCE:
-        if not isinstance(wave, Constant):
-            rule = "an impedance under a step"
-            raise checks.InputError(f"{column.label} is in {unit}, {rule}", "give a constant --power")
-        said.append(f"{column.label} is in {unit}: multiplied by the power")
-        y = y * wave.power
-    elif sensitivity is None and measured == VOLTAGE:
-        said.append(
-            f"warning: {column.label} is in {unit}: {VOLTS}, so R and R_th are in V/W and time constants are as "
-            'measured, --sensitivity "10 mV/K" makes kelvin of it'
-        )
+        y = column.in_si(RISES)
+        measured = column.scale.dimensions if column.scale else ""
+        if measured == IMPEDANCE:
+            if not isinstance(wave, Constant):
+                raise checks.InputError(f"{read_as}, an impedance under a step", "give a constant --power")
+            y = y * wave.power
+            said.append(f"{read_as}: multiplied by the power")
+        elif measured == VOLTAGE:
+            unit = "V"
+            said.append(
+                f"warning: {read_as}: {VOLTS}, so R and R_th are in V/W and time constants are as measured, "
+                '--sensitivity "10 mV/K" makes kelvin of it'
+            )
     # 1e5: beyond is the code of an overloaded instrument, such as 9.9E+37
-    return checks.numbers(f"{column.label} in K", y, most=1e5, hint="an overload, or another unit?")
+    return checks.numbers(f"{column.label} in K", y, most=1e5, hint="an overload, or another unit?"), unit
 
 
 def _sensitivity(given: str | float) -> tuple[float, str]:

@@ -10,60 +10,27 @@ leaves the unit of a column open.
 import csv
 import io
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..arrays import Array
-from ..checks import InputError, shown
-from .column_units import TIME, Scale, scale_of
+import numpy as np
+
+from ..checks import InputError, between, shown
+from .column_units import TIME, Column, Role, name_and_unit, scale_of
 
 DIVIDERS = ("\t", ";", ",", " ")
 FIRST_ROWS = 3  # consecutive lines of numbers that begin the table: settings seldom stand in three such lines
 MOSTLY = 0.8  # share of the rows that hold a number in a column of numbers
 MARKS = "%#!/"  # that begin a remark or a header in some program
 BLANK = MARKS + ",;\t \"'"  # a line of nothing else is blank
+WORDS = re.compile(r"[^\s;,|:=()\[\]\"]+")
 LETTERS = "sKV"  # that a line above the table may give as a unit; "a" is a word there, and a year to pint, "as" 1e-18 s
-_BETWEEN_WORDS = str.maketrans(dict.fromkeys('\t;,|:=()[]"', " "))
-# a name without a factor ("10^3 T", "T x 1000": its scale is open), and a unit; COMSOL writes a remark after a comma
-_HEADER = re.compile(r"(?!.*(?:\d\s*x\b|\bx\s*\d))([^()\[\]*^×·]*)[(\[]([^()\[\]]+)[)\]]\s*(?:,.*)?")
 _BETWEEN_TITLES = re.compile(r"\s{2,}|(?<=[)\]])\s+")  # wide spaces, or one behind a bracket
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")  # 1.5D-06
 # a comma before other than three digits, behind a lone zero or behind four digits divides no thousands
 _DECIMAL_COMMA = re.compile(r"\d,(?=\d)(?!\d{3}(?!\d))|(?<!\d)0,|\d{4},")
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    """One column of numbers.
-
-    number: in the file, from 1.
-    header: the cell above it, "" where there is none.
-    values [shape (rows,)]: as the file has them.
-    """
-
-    number: int
-    header: str
-    values: Array
-
-    @property
-    def name(self) -> str:
-        """The header without its unit."""
-        return name_and_unit(self.header)[0]
-
-    @property
-    def unit(self) -> str:
-        """The unit in the header, "" where it states none."""
-        return name_and_unit(self.header)[1]
-
-    @property
-    def label(self) -> str:
-        """The column as messages name it."""
-        return f"column {self.header!r}" if self.header else f"column {self.number}"
-
-    @property
-    def scale(self) -> Scale | None:
-        """What the column measures; None where it states no unit."""
-        return scale_of(self.unit) if self.unit else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,37 +50,58 @@ class NumberTable:
         """The columns as messages list them."""
         return ", ".join(f"{column.number} {column.header!r}" for column in self.columns)
 
-    def pair(self, columns: Any) -> tuple[Column, Column]:
+    def pair(self, columns: str | Sequence[int]) -> list[Column]:
         """The two columns of these numbers, "4,5" or (4, 5), counted from 1.
 
         Raises InputError: others than two, or a number that no column has.
         """
         numbers = columns.split(",") if isinstance(columns, str) else columns
         by_number = {str(column.number): column for column in self.columns}
-        chosen = [by_number.get(str(number).strip()) for number in numbers]
-        if len(chosen) != 2 or None in chosen:
+        texts = [str(number).strip() for number in numbers]
+        if len(texts) != 2 or not set(texts) <= set(by_number):
             raise InputError(f"--columns = {shown(columns)} must be two of the columns of numbers: {self.listed}")
-        return chosen[0], chosen[1]  # type: ignore[return-value]
+        return [by_number[text] for text in texts]
 
-    def stated_unit(self, dimensions: tuple[str, ...]) -> str:
+    def named(self, role: str, name: str) -> Column:
+        """The column with this header, with or without its unit; InputError for none or several."""
+        short = name_and_unit(name)[0]
+        same = [column for column in self.columns if column.header == name]
+        same = same or [column for column in self.columns if column.name == short]
+        if len(same) != 1:
+            numbers = ",".join(str(column.number) for column in same)
+            rule = f"names the columns {numbers}" if same else "is none of the columns"
+            hint = f"say which by number, --columns, of {self.listed}"
+            raise InputError(f"--{role} = {shown(name)} {rule}", hint)
+        return same[0]
+
+    def with_unit(self, column: Column, role: Role, said: list[str]) -> Column:
+        """The column with its unit, or that which a line above the table states, or SI where its header says enough.
+
+        said: gets the sentence on what was assumed.
+        Raises InputError: a header that does not say it, or lines above the table that may name another unit.
+        """
+        if column.unit:
+            return column
+        unit = self._stated_unit(role.dimensions)
+        if unit:
+            said.append(f"{column.label} is in {unit}, as a line above the table says")
+        elif self.above or column.header not in role.names:
+            lines = f", and {self.above[0][:40]!r} stands above the table" if self.above else ""
+            raise InputError(f"{column.label} states no unit{lines}", role.hint)
+        else:
+            unit = role.unit
+            span = f"the span of {column.label}, which states no unit,"
+            between(span, np.ptp(column.values), 0, role.longest, hint=role.hint)
+            said.append(f"{column.label} states no unit: {unit}")
+        return replace(column, unit=unit)
+
+    def _stated_unit(self, dimensions: tuple[str, ...]) -> str:
         """The one unit of these dimensions in the lines above the table that say "unit"; "" for none or several."""
         lines = [line for line in self.above if "unit" in line.lower()]
-        words = {word for line in lines for word in _words(line) if len(word) > 1 or word in LETTERS}
+        words = {word for line in lines for word in WORDS.findall(line) if len(word) > 1 or word in LETTERS}
         scales = {word: scale_of(word) for word in words - {"as"}}
         units = [word for word, scale in scales.items() if scale and scale.dimensions in dimensions]
         return units[0] if len(units) == 1 else ""
-
-
-def name_and_unit(header: str) -> tuple[str, str]:
-    """Name and unit of a header ``name (unit)`` or ``name [unit]``; any other is a name without a unit.
-
-    >>> name_and_unit("TIME (us)"), name_and_unit("V(core)")
-    (('TIME', 'us'), ('V(core)', ''))
-    """
-    match = _HEADER.fullmatch(header)
-    if match is None or scale_of(match[2]) is None:
-        return header.strip(), ""
-    return match[1].strip(), match[2].strip()
 
 
 def number_table(content: bytes) -> NumberTable:
@@ -128,14 +116,17 @@ def number_table(content: bytes) -> NumberTable:
     lines = _lines(content)
     begin, divider = _first_row(lines)
     stop = _behind_last_row(lines, divider)
-    rows = _FORTRAN.sub("e", "\n".join(lines[begin:stop]))
-    cells = _frame(rows, divider)
+    rows = "\n".join(lines[begin:stop])
+    cells = _frame(_FORTRAN.sub("e", rows), divider)
     numbers = _number_columns(cells)
     above = [line for line in lines[:begin] if line.strip(BLANK)]
-    titles = _titles(above, divider, cells.shape[1])
-    columns = [Column(place + 1, titles[place], numbers[place].to_numpy()) for place in numbers]
+    headers = _headers(above, divider, cells.shape[1])
+    columns = []
+    for place in numbers:
+        unit = name_and_unit(headers[place])[1]
+        columns.append(Column(place + 1, headers[place], unit, numbers[place].to_numpy()))
     after = sum(bool(line.strip(BLANK)) for line in lines[stop:])
-    named = int(any(titles))
+    named = int(any(headers))
     return NumberTable(tuple(columns), tuple(above[: len(above) - named]), after)
 
 
@@ -162,19 +153,13 @@ def _cells(line: str, divider: str) -> list[str]:
     return [cell.strip() for cell in next(reader, [])]
 
 
-def _words(line: str) -> list[str]:
-    """Cells and words of a line, however they are divided."""
-    return line.translate(_BETWEEN_WORDS).split()
-
-
 def _is_number(cell: str) -> bool:
     """Whether a cell is a number, with a decimal point or comma, and an exponent of Python or FORTRAN."""
     point = cell.replace(",", ".")
-    try:
+    with suppress(ValueError):
         float(_FORTRAN.sub("e", point))
-    except ValueError:
-        return False
-    return True
+        return True
+    return False
 
 
 def _numbers(line: str, divider: str) -> set[int]:
@@ -249,33 +234,28 @@ def _number_columns(cells: Any) -> Any:
     return numbers.dropna(how="all").astype(float)
 
 
-def _titles(above: list[str], divider: str, width: int) -> list[str]:
-    """Names of the columns in the last line above the table, or in the one above a line of units.
+def _headers(above: list[str], divider: str, width: int) -> list[str]:
+    """Headers of the columns: the last line above the table, or two lines of names and units, "second,Volt", in one.
 
     Raises InputError: the line begins with a number, like a damaged row.
     """
     if above and _begins_with_number(above[-1]):
         raise InputError(f"the line {above[-1].strip()[:40]!r} above the table is no row of numbers")
-    titles = _titles_in(above[-1:], divider, width)
-    names = _titles_in(above[-2:-1], divider, width)
+    rows = [_titles(line, divider, width) for line in ["", "", *above][-2:]]
+    names, titles = rows
     units = [title.strip("()[]") for title in titles]
-    if not any(names) or not _are_units(units):
-        return titles
-    return [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
+    scales = [scale_of(unit) for unit in units]
+    measured = [scale.dimensions for scale in scales if scale]
+    if any(names) and len(measured) == width and TIME in measured:
+        return [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
+    return titles
 
 
-def _titles_in(lines: list[str], divider: str, width: int) -> list[str]:
-    """The cells of one line, or of none; empty where it has not one for each column."""
-    line = lines[0].lstrip(MARKS + " \"'") if lines else ""
+def _titles(line: str, divider: str, width: int) -> list[str]:
+    """The cells of a line; empty where it has not one for each column."""
+    line = line.lstrip(MARKS + " \"'")
     for cells in (_cells(line, divider), _BETWEEN_TITLES.split(line.strip())):
         titles = [cell.strip(" \"'") for cell in cells]
         if len(titles) == width and any(titles):
             return titles
     return [""] * width
-
-
-def _are_units(titles: list[str]) -> bool:
-    """Whether a line below the names holds their units, a time among them: "second,Volt", or "(us),(mV)"."""
-    scales = [scale_of(title) for title in titles]
-    known = [scale.dimensions for scale in scales if scale]
-    return TIME in known and len(known) == len(titles)

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..checks import SMALLEST, InputError, shown
 
+LONGEST_UNIT = 80  # characters
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
@@ -76,8 +77,9 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)
     """
-    # the largest float has 309 digits
-    match = None if isinstance(text, bool) else _NUMBER.match(str(text)[:400])
+    # 400: the largest float has 309 digits
+    is_number = not isinstance(text, bool) and len(str(text)) <= 400
+    match = _NUMBER.match(str(text)) if is_number else None
     value, fault = _convert(match[1], match[2], unit) if match else (math.nan, "does not begin with a number")
     if not math.isfinite(value):
         raise InputError(f"{name} = {shown(text)} {fault or 'is not finite'}", _wanted(unit))
@@ -204,7 +206,7 @@ def _factor_of(text: str, given: str, unit: str) -> tuple[float, str]:
         return math.nan, "has no unit"
     comma = "has a comma in its number; decimals follow a point"
     fault = comma if given.startswith(",") else f"has no known unit: {shown(given)} is not a unit"
-    if len(text) <= 80 and _UNIT.fullmatch(text):  # 80: characters
+    if len(text) <= LONGEST_UNIT and _UNIT.fullmatch(text):
         import pint
 
         units = registry()  # kept: threads that call this at once may each make their own

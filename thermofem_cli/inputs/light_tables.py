@@ -1,6 +1,6 @@
 """Measured light on the command line: columns of tables in W, dBm, dB or arbitrary units, and deviations of numbers."""
 
-import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,36 +10,19 @@ import coupled
 from coupled import RingResonator
 from coupled.unknowns import fitted_names, number_of
 from thermofem import checks
-from thermofem.arrays import Array
 from thermofem.data import quantity
-from thermofem.data.column_units import LENGTH, POWER, RATIO, TIME, scale_of
-from thermofem.data.measured_trace import LONGEST_TIME
-from thermofem.data.number_table import Column
+from thermofem.data.column_units import LENGTH, Column, Role, light_in_si, units_by_role
+from thermofem.data.measured_trace import TIMES
+from thermofem.data.number_table import NumberTable, number_table
 from thermofem.errors import InputError
 
 from ..console import note
 from ..options import listed
 from .drive_texts import assigned
 
-DECIBELS = re.compile(r"(?<![a-z])dbm?(?![a-z])", re.IGNORECASE)
-RELATIVE = "fraction"  # arbitrary unit of powers that were in dB
 PORTS = ("drop", "through")
 WIDE = 30.0  # factor by which a rate may differ from its start
-
-
-def watts_of(name: str, values: Array, unit: str) -> tuple[Array, str]:
-    """Return powers in W and "W"; those in dB as fractions, and others unchanged, with the arbitrary unit.
-
-    Raises InputError: no decibels, and numbers that are negative on average, as powers in decibels are.
-    """
-    scale = scale_of(unit)
-    if not (scale and scale.decibels) and np.mean(values) <= 0:
-        raise InputError(
-            f"{name} is negative on average, {np.mean(values):.3g}: no power of light", 'give --units "us,dBm"'
-        )
-    if scale is None or scale.dimensions not in (POWER, RATIO):
-        return values, unit or "arbitrary"
-    return scale.in_si(values), "W" if scale.dimensions == POWER else RELATIVE
+WAVELENGTHS = Role("wavelength", (LENGTH,), 'give --units "nm,dBm"')
 
 
 def held_of(ring: RingResonator, held: list[str] | None) -> dict[str, float]:
@@ -56,54 +39,46 @@ def held_of(ring: RingResonator, held: list[str] | None) -> dict[str, float]:
 
 
 def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
-    """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states."""
-    time, signal, time_unit, light_unit = _two_columns(path, columns, units, "us,mV")
-    span = float(time.values[-1] - time.values[0])
-    if not time_unit and span > LONGEST_TIME:
-        raise InputError(f"the times of {path} state no unit and span {span:g}", 'give --units "us,mV"')
-    t = _si_values(path, time, time_unit or "s", TIME, "us,mV")
-    drop, unit = watts_of(f"{path}: {signal.label}", signal.values, light_unit)
+    """Return the drop power over time (s) in a table, in W, or in the arbitrary unit that the table states.
+
+    Raises InputError: no decibels, and numbers that are negative on average, as powers in decibels are.
+    """
+    said: list[str] = []
+    with checks.prefixed(str(path)):
+        table, time, light = _columns(path, columns, units)
+        t = table.with_unit(time, TIMES, said).in_si(TIMES)
+        drop, unit = light_in_si(light, TIMES.hint)
+        if np.mean(drop) <= 0:
+            rule = f"{light.label} is negative on average, {np.mean(drop):.3g}: no power of light"
+            raise InputError(rule, 'give --units "us,dBm"')
     if unit != "W":
-        note(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
+        said.append(f"the drop of {path} is in an arbitrary unit ({unit}): its scale is free")
+    for line in said:
+        note(line)
     return xr.Dataset({"drop": ("time", drop, {"units": unit})}, {"time": t})
 
 
 def sweep_table(path: Path, columns: str, units: str | None, port: str | None) -> xr.Dataset:
     """Return a table as a Dataset over step: wavelength (m), and the power at a port in the unit of the table."""
-    laser, light, laser_unit, light_unit = _two_columns(path, columns, units, "nm,dBm")
-    if not laser_unit:
-        raise InputError(f"{path}: {laser.label} states no unit", 'give --units "nm,dBm"')
-    wavelength = _si_values(path, laser, laser_unit, LENGTH, "nm,dBm")
+    with checks.prefixed(str(path)):
+        _, laser, light = _columns(path, columns, units)
+        wavelength = laser.in_si(WAVELENGTHS)
     name = port or next((name for name in PORTS if name in light.name.lower()), None)
     if name not in PORTS:
         what = f"--port = {port!r}" if port else f"the port of {path}, {light.label}"
         raise InputError(f"{what} is neither drop nor through", "give --port through")
-    attributes = {"units": light_unit} if light_unit else {}
+    attributes = {"units": light.unit} if light.unit else {}
     return xr.Dataset({name: ("step", light.values, attributes), "wavelength": ("step", wavelength, {"units": "m"})})
 
 
-def _two_columns(path: Path, columns: str, units: str | None, example: str) -> tuple[Column, Column, str, str]:
-    """Two columns of a table, and the unit of each: that of ``units``, else that of its header.
-
-    Of light, decibels in the name of the column count, too.
-    """
-    from thermofem.data.number_table import number_table
-
-    first, second = number_table(path.read_bytes()).pair(columns)
-    stated = listed(units) or ["", ""]
-    if len(stated) != 2:
-        raise InputError(f"--units = {units!r} must be two units", f'such as "{example}"')
-    named = DECIBELS.search(second.name)  # "through_dBm" has no unit in brackets, and is no linear scale
-    light_unit = second.unit or (named[0] if named else "")
-    return first, second, stated[0] or first.unit, stated[1] or light_unit
-
-
-def _si_values(path: Path, column: Column, unit: str, dimensions: str, example: str) -> Array:
-    """Values of a column in SI; InputError for a unit that is unknown or measures something else."""
-    scale = scale_of(unit)
-    if scale is None or scale.dimensions != dimensions:
-        raise InputError(f"{path}: {column.label} is in {unit!r}, no unit of {dimensions}", f'give --units "{example}"')
-    return scale.in_si(column.values)
+def _columns(path: Path, columns: str, units: str | None) -> tuple[NumberTable, Column, Column]:
+    """A table and two columns of it, in the units that are stated or else in those of their headers."""
+    table = number_table(path.read_bytes())
+    stated = units_by_role(units, ("swept", "light"))
+    swept, light = table.pair(columns)
+    swept = replace(swept, unit=stated.get("swept") or swept.unit)
+    light = replace(light, unit=stated.get("light") or light.unit)
+    return table, swept, light
 
 
 def rate_bounds(ring: coupled.RingResonator, free: str) -> dict[str, tuple[float, float]]:
