@@ -300,6 +300,23 @@ def test_standard_errors_cover_a_late_first_row(offset, tmp_path):
     assert abs(np.mean(pulls)) < 4 / np.sqrt(20)
 
 
+def test_noisy_log_spaced_rows_with_an_offset_are_right_or_ask_for_the_baseline(tmp_path):
+    """Their clock counts from the edge, not from the first row, before which the first pole has done half its rise."""
+    t = np.geomspace(50e-9, 10e-6, 60)
+    pulls = []
+    for seed in range(12):
+        noise = 0.05 * np.random.default_rng(seed).standard_normal(t.size)
+        path = write(tmp_path / "t.csv", "t (s),T (K)\n", [t, 300 + MODEL.response(th.Constant(1e-3), t) + noise])
+        try:
+            fit = surrogate.fit_foster(th.read_trace(path, 1e-3), order=2)
+        except th.InputError as error:
+            assert "give --baseline" in str(error)
+            continue
+        pulls.append((fit.model.thermal_resistance - 7e3) / fit.thermal_resistance_deviation)
+    assert len(pulls) > 5
+    assert np.abs(pulls).max() < 4  # of 12 standard normal numbers, one in 1300 such tests
+
+
 @pytest.mark.parametrize(("cold", "unit"), [(0.0, "K"), (300.0, "K"), (25.0, "degC")])
 @pytest.mark.parametrize("before", [0, 100])
 def test_a_fall_after_a_long_heating_is_the_rise_upside_down(cold, unit, before, tmp_path):

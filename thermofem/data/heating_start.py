@@ -201,8 +201,10 @@ def _start(rows: Rows, given: float | None) -> float:
     if start is None:
         first = float(rows.t[0])
         start, least = _best(rows)
-        by_clock = first <= 0 or rows.what == "fall" or not rows.even  # the clock may count from the edge of the power
-        if (by_clock or _has_no_offset(rows, 0.0)) and _misfit(rows, 0.0)[0] <= _allowed(rows, least):
+        by_clock = abs(start) <= 1.5 * rows.step  # the clock of the file may count from the edge of the power
+        if first > 0:
+            by_clock = rows.what == "fall" or not rows.even or _has_no_offset(rows, 0.0)
+        if by_clock and _misfit(rows, 0.0)[0] <= _allowed(rows, least):
             start = 0.0
         elif 0 < start - first < 0.5 * rows.step:
             start = first
