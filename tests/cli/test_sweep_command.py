@@ -14,7 +14,7 @@ import coupled
 import thermofem as th
 from coupled.equilibria.transmission import sweep
 from coupled.ring_toml import write_text
-from thermofem.data.column_units import Column, light_in_si
+from thermofem.data.column_units import Column
 from thermofem_cli.inputs.light_tables import drop_table
 
 ONE = replace(coupled.borghi2021(), drop_rate=0.0, name="on one bus")
@@ -113,6 +113,6 @@ def test_decibels_without_a_unit_are_asked_for(tmp_path):
 )
 def test_units_of_light(unit, watts, si):
     """10 dB are a factor of 10; mW are W, mV are V; an arbitrary unit stays."""
-    light, in_unit = light_in_si(Column(1, "y", unit, np.array([-10.0, 0.0])), "")
+    light, in_unit = Column(1, "y", unit, np.array([-10.0, 0.0])).light_in_si()
     np.testing.assert_allclose(light, watts, rtol=1e-12)
     assert in_unit == si

@@ -57,6 +57,7 @@ def test_dbm():
         ("3 s", "m", ["'3 s'", "wrong dimension", "a length"]),
         ("3 W/m3", "W/m/K", ["'W/m3' is not a unit", "a thermal conductivity"]),
         ("8 dB", "W", ["wrong dimension", "a power", "8 dBm"]),
+        ("0.33" + 400 * " " + "nm", "", ["does not begin with a number"]),
         ("nan nm", "m", ["does not begin with a number"]),
         ("1e9 dBm", "W", ["not finite"]),
         (None, "m", ["None does not begin with a number"]),

@@ -7,8 +7,8 @@ so that "degC" gives K, "nm" gives m, "dBm" gives W and "dB" a ratio of powers.
 
 import math
 import re
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -34,6 +34,8 @@ _UNIT = re.compile(rf"({_NUMBER})?\s*({_SYMBOL}(?:\s*[*/]\s*{_SYMBOL}){{0,3}})",
 # a name without a factor ("10^3 T", "T x 1000": its scale is open), and a unit; COMSOL writes a remark after a comma
 _HEADER = re.compile(r"(?!.*(?:\d\s*x\b|\bx\s*\d))([^()\[\]*^×·]*)[(\[]([^()\[\]]+)[)\]]\s*(?:,.*)?")
 _DECIBELS = re.compile(r"(?<![a-z])db[mw]?(?![a-z])", re.IGNORECASE)
+
+MOST = 1e30  # of a number as the file writes it: beyond is the code of an overload, and 1e30 dBm overflows in W
 
 
 class Scale(NamedTuple):
@@ -102,19 +104,6 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return header.strip(), decibels[0] if decibels else ""
 
 
-def units_by_role(units: str | Mapping[str, str] | None, roles: Collection[str]) -> dict[str, str]:
-    """Units that the user states, "us,mV" in the order of the roles or {"time": "us"}; InputError for other roles."""
-    if not isinstance(units, str):
-        stated = dict(units or {})
-        for role in stated:
-            checks.choice("units", role, roles)
-        return stated
-    texts = [text.strip() for text in units.split(",")]
-    if not 2 <= len(texts) <= len(roles):
-        raise checks.InputError(f"--units = {checks.shown(units)} must be two units", 'such as "us,mV"')
-    return dict(zip(roles, texts, strict=False))
-
-
 class Role(NamedTuple):
     """What a column is read as.
 
@@ -131,6 +120,15 @@ class Role(NamedTuple):
     unit: str = ""
     names: tuple[str, ...] = ()
     longest: float = math.inf
+
+
+ASK_UNITS = 'give the units of both columns, such as --units "us,mV", or other --columns'
+TIMES = Role("time", (TIME,), ASK_UNITS, "s", ("t", "time", "Time", "TIME", "Zeit"), 1.0)  # longer may be no seconds
+READINGS = (TEMPERATURE, IMPEDANCE, VOLTAGE)
+TITLES = ("T", "dT", "delta_T", "temperature", "Temperature", "rise")
+RISES = Role("temperature", READINGS, f'{ASK_UNITS}, or --sensitivity, such as "75 pm/K"', "K", TITLES)
+POWERS = Role("power", (POWER,), ASK_UNITS)
+WAVELENGTHS = Role("wavelength", (LENGTH,), 'give --units "nm,dBm"')
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,20 +170,33 @@ class Column:
         if scale is None or scale.dimensions not in role.dimensions:
             fault = f"is in {checks.shown(self.unit)}, no unit of its {role.name}" if self.unit else "states no unit"
             raise checks.InputError(f"{self.label} {fault}", role.hint)
-        # beyond 1e30 is the code of an overload; as the file writes it: 1e30 dBm overflows in W
-        checks.numbers(self.label, self.values, most=1e30, hint="take such rows out")
-        return scale.in_si(self.values)
+        return scale.in_si(checks.numbers(self.label, self.values, most=MOST, hint="take such rows out"))
+
+    def light_in_si(self) -> tuple[Array, str]:
+        """Light in W, V or a fraction, and that unit; in another unit as the file has it.
+
+        Raises InputError: a unit of time or temperature; numbers that are not finite.
+        """
+        scale = self.scale
+        if scale and scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
+            raise checks.InputError(f"{self.label} is in {checks.shown(self.unit)}, no unit of light", ASK_UNITS)
+        light = checks.numbers(self.label, self.values, most=MOST, hint="take such rows out")
+        if scale is None or scale.dimensions not in LIGHT:
+            return light, self.unit or "arbitrary"
+        return scale.in_si(light), LIGHT[scale.dimensions]
 
 
-def light_in_si(column: Column, hint: str) -> tuple[Array, str]:
-    """Light in W, V or a fraction, and that unit; in another unit as the file has it.
+def with_units(columns: Mapping[str, Column], units: str | Mapping[str, str] | None) -> dict[str, Column]:
+    """Columns by role in the units that the user states: "us,mV" in their order, or {"time": "us"}.
 
-    Raises InputError: a unit of time or temperature; numbers that are not finite.
+    Raises InputError: units of other columns.
     """
-    scale = column.scale
-    if scale and scale.dimensions in (TIME, TEMPERATURE, IMPEDANCE):
-        raise checks.InputError(f"{column.label} is in {checks.shown(column.unit)}, no unit of light", hint)
-    light = checks.numbers(column.label, column.values, most=1e30, hint="take such rows out")
-    if scale is None or scale.dimensions not in LIGHT:
-        return light, column.unit or "arbitrary"
-    return scale.in_si(light), LIGHT[scale.dimensions]
+    stated = units or {}
+    if isinstance(stated, str):
+        texts = [text.strip() for text in stated.split(",")]
+        if not 2 <= len(texts) <= len(columns):
+            raise checks.InputError(f"--units = {checks.shown(units)} must be two units", 'such as "us,mV"')
+        stated = dict(zip(columns, texts, strict=False))
+    for role in stated:
+        checks.choice("units", role, columns)
+    return {role: replace(column, unit=stated.get(role) or column.unit) for role, column in columns.items()}

@@ -21,7 +21,7 @@ import numpy as np
 import xarray as xr
 
 from .. import __version__, checks, waveforms
-from ..arrays import Array, ArrayLike
+from ..arrays import Array, ArrayLike, Indices, Mask
 from ..checks import InputError
 from .data_doubts import clipping, contradictions, static_gain
 from .netcdf import SCHEMA, load, save
@@ -229,23 +229,27 @@ def warn_of(responses: Sequence[Response]) -> None:
         log.warning("%s", doubt)
 
 
-def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
-    """Raise InputError where a time occurs twice, except at a jump of the power with one temperature on both sides.
+def repeats(times: Array, rise: Array, tolerance: float) -> tuple[Indices, Mask]:
+    """Rows whose time the next one repeats, and which of these differ by more than ``tolerance`` of the swing.
 
-    One temperature: within 1e-3 of the swing.
+    The second of two repetitions counts as such, too: a time may stand twice, not three times.
     """
-    largest = 1e-3 * np.ptp(rise)
-    for k in np.flatnonzero(np.diff(times) == 0):
-        t = times[k]
-        before = rise[k]
-        after = rise[k + 1]
-        steady = wave(t) == wave.before(t)
-        thrice = k and times[k - 1] == t
-        if steady or thrice or abs(after - before) > largest:
-            raise InputError(
-                f"data.time has {t:g} s twice, with delta_T = {before:g} and {after:g} K; a time may "
-                "stand twice only where the power jumps; take one out, or average them"
-            )
+    same = np.flatnonzero(np.diff(times) == 0)
+    apart = np.abs(np.diff(rise)[same]) > tolerance * np.ptp(rise)
+    return same, apart | np.isin(same - 1, same)
+
+
+def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
+    """Raise InputError where a time occurs twice, except at a jump of the power with one temperature on both sides."""
+    same, differ = repeats(times, rise, 1e-3)
+    t = times[same]
+    wrong = same[differ | (wave(t) == wave.before(t))]
+    if wrong.size:
+        k = wrong[0]
+        raise InputError(
+            f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
+            "stand twice only where the power jumps; take one out, or average them"
+        )
 
 
 def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:

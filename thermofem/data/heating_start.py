@@ -365,7 +365,10 @@ def _departure(rows: Rows) -> tuple[float, float]:
 
 
 def sampled_power(times: Array, power: Array) -> Waveform:
-    """Waveform of a column of power (W): straight lines between its rows; from t = 0 to the first row constant."""
+    """Waveform of a column of power (W): straight lines between its rows from t = 0 on, constant before the first."""
+    after = times >= 0
+    times = times[after]
+    power = power[after]
     jumps = np.abs(np.diff(power)) > 0.5 * np.ptp(power)
     steep = np.flatnonzero(jumps & (np.diff(times) > 0))
     if steep.size:

@@ -7,29 +7,16 @@ What the table does not say is found from the rows and listed in ``attrs["assume
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..arrays import Array
+from ..arrays import Array, Mask
 from ..waveforms import Constant, Waveform
 from . import dataset, files, quantity
-from .column_units import (
-    IMPEDANCE,
-    POWER,
-    TEMPERATURE,
-    TIME,
-    VOLTAGE,
-    Column,
-    Role,
-    light_in_si,
-    name_and_unit,
-    scale_of,
-    units_by_role,
-)  # fmt: skip
+from .column_units import IMPEDANCE, POWERS, RISES, TEMPERATURE, TIMES, VOLTAGE, Column, Role, scale_of, with_units
 from .heating_start import Rows, light_of, rise_of, sampled_power
 from .number_table import NumberTable, number_table
 from .variables import VOLTS
@@ -37,14 +24,7 @@ from .variables import VOLTS
 LEVEL, EDGES = 0.1, 0.02  # of the swing of a drive around each level; share of the rows that may lie between both
 REPEATED = 0.02  # share of the rows whose time may repeat the one before, as simulators write it at an edge
 ARRAYS = {".npz": "NumPy", ".npy": "NumPy", ".mat": "MATLAB", ".h5": "HDF5", ".hdf5": "HDF5"}  # endings, of what
-ASK_UNITS = 'give the units of both columns, such as --units "us,mV", or other --columns'
-TIMES = Role("time", (TIME,), ASK_UNITS, "s", ("t", "time", "Time", "TIME", "Zeit"), 1.0)  # longer may be no seconds
-RISES = Role(
-    "temperature", (TEMPERATURE, IMPEDANCE, VOLTAGE), f'{ASK_UNITS}, or --sensitivity, such as "75 pm/K"',
-    "K", ("T", "dT", "delta_T", "temperature", "Temperature", "rise"),
-)  # fmt: skip
-POWERS = Role("power", (POWER,), ASK_UNITS)
-ROLES = {role.name: role for role in (TIMES, RISES, POWERS)}
+ROLES = (TIMES, RISES, POWERS)
 
 
 def read_trace(
@@ -111,36 +91,29 @@ def read_trace(
     with checks.prefixed(str(path)):
         table = number_table(content)
         said = [f"{table.after} lines below the table are left out"] if table.after else []
-        chosen = _columns(table, columns, units, names)
-        used = {column.number for column in chosen.values()}
+        chosen = with_units(_columns(table, columns, names), units)
         t = _times(table, chosen["time"], said)
         first, within = _given_start(table, t, start, said)
-        others = [column for column in table.columns if column.header and column.number not in used]
-        drives = [column.header for column in others if _has_two_levels(column)]
-        after = np.full(t.size, True)
+        drives = [column.header for column in table.beside(chosen) if column.header and _has_two_levels(column)]
         if isinstance(power, str):
             first = min(float(t[0]), 0.0) if first is None else first
-            after = t >= first
-            wave: Waveform = sampled_power(t[after] - first, chosen["power"].in_si(POWERS)[after])
+            wave: Waveform = sampled_power(t - first, chosen["power"].in_si(POWERS))
+            used = t >= first
         else:
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         if light:
-            y, unit = light_in_si(chosen["temperature"], ASK_UNITS)
+            y, unit = chosen["temperature"].light_in_si()
         else:
             y, unit = _temperatures(table, chosen["temperature"], sensitivity, wave, said)
-        if isinstance(power, str):  # a column of power jumps at a time that stands twice
-            t = t[after]
-            y = y[after]
-        else:
-            t, y = _distinct(t, y, said)
+        if not isinstance(power, str):  # a column of power jumps at a time that stands twice
+            used = _distinct(t, y, said)
         if first is None and None not in (heated, read) and heated != read:
             starts = "".join(f" or --start {name!r}" for name in drives)
-            raise checks.InputError(
-                f"{heated} is heated and {read} is read: its rise begins late, by diffusion, so the start is not "
-                "searched",
-                f'give --start, such as --start "0 s"{starts}',
+            rule = (
+                f"{heated} is heated and {read} is read: its rise begins late, by diffusion: the start is not searched"
             )
-        rows = Rows(t, y, wave, unit, said, "fall" if fall else "heating")
+            raise checks.InputError(rule, f'give --start, such as --start "0 s"{starts}')
+        rows = Rows(t[used], y[used], wave, unit, said, "fall" if fall else "heating")
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
         times, rise, wave, about = light_of(rows, first) if light else rise_of(rows, first, level)
     about[dataset.START_FROM] = "given"
@@ -153,7 +126,7 @@ def read_trace(
         about["heated"] = heated
     if light:
         about[dataset.LIGHT_UNIT] = unit if unit in ("W", "V") else ""
-    sources = [f"{role}: {chosen[role].header or chosen[role].number}" for role in ROLES if role in chosen]
+    sources = [f"{role}: {column.header or column.number}" for role, column in chosen.items()]
     about |= {"source": path.name, "source_sha256": hashlib.sha256(content).hexdigest()}
     about |= {"source_columns": ", ".join(sources), "assumed": "\n".join(said)}
     part = read or temperature or "core"
@@ -168,35 +141,28 @@ def check_text(path: Path) -> None:
 
 
 def _columns(
-    table: NumberTable,
-    columns: str | Sequence[int] | None,
-    units: str | Mapping[str, str] | None,
-    names: Mapping[str, str | None],
+    table: NumberTable, columns: str | Sequence[int] | None, names: Mapping[str, str | None]
 ) -> dict[str, Column]:
-    """The column of each role: by number, by name, or the one that measures it; with the units that the user states."""
+    """The column of each role: by number, by name, or the one that measures it."""
     chosen = {role: table.named(role, name) for role, name in names.items() if name is not None}
     if columns is not None:
         first, second = table.pair(columns)
         chosen |= {"time": first, "temperature": second}
     for role, few in ((TIMES, 2), (RISES, 1)):
         if role.name not in chosen:
-            free = [column for column in table.columns if column not in chosen.values()]
+            free = table.beside(chosen)
             likely = [column for column in free if _measures(column, role)]
             if len(likely) != 1 and len(free) <= few:
                 likely = free[:1]
             if len(likely) == 1:
                 chosen[role.name] = likely[0]
-    if {"time", "temperature"} - chosen.keys() or chosen["time"] is chosen["temperature"]:
+    if {"time", "temperature"} - chosen.keys() or chosen["time"].number == chosen["temperature"].number:
         example = ",".join(str(column.number) for column in table.columns[:2])
         raise checks.InputError(
             f"{len(table.columns)} columns of numbers ({table.listed}); say which are time and temperature: --columns "
             f"{example}, or --time and --temperature"
         )
-    stated = units_by_role(units, ROLES)
-    for name, column in chosen.items():
-        unit = stated.get(name) or name_and_unit(names[name] or "")[1] or column.unit
-        chosen[name] = replace(column, unit=unit)
-    return chosen
+    return {role.name: chosen[role.name] for role in ROLES if role.name in chosen}
 
 
 def _measures(column: Column, role: Role) -> bool:
@@ -287,21 +253,17 @@ def _sensitivity(given: str | float) -> tuple[float, str]:
     return sign * scale.factor / per.factor, scale.dimensions
 
 
-def _distinct(t: Array, y: Array, said: list[str]) -> tuple[Array, Array]:
-    """Rows without repeated times: of two rows at one time the second is left out.
+def _distinct(t: Array, y: Array, said: list[str]) -> Mask:
+    """Which rows do not repeat the time of the row before.
 
     InputError where there are many such rows, three at one time, or where their temperatures differ.
     """
-    steps = np.diff(t)
-    same = np.flatnonzero(steps == 0)
-    apart = np.abs(np.diff(y)[same]) > 0.05 * np.ptp(y)
-    thrice = np.diff(same) == 1
-    if apart.any() or thrice.any() or same.size > max(2, REPEATED * t.size):
+    same, differ = dataset.repeats(t, y, 0.05)
+    if differ.any() or same.size > max(2, REPEATED * t.size):
         raise checks.InputError(
             f"{same.size} times stand more than once, the first is {t[same[0]]:g} s: they are rounded, or two records "
             "in one file; write them with more digits"
         )
     if same.size:
         said.append(f"{same.size} rows that repeat a time are left out")
-    first = np.append(True, steps > 0)
-    return t[first], y[first]
+    return np.append(True, np.diff(t) > 0)

@@ -10,7 +10,7 @@ leaves the unit of a column open.
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -62,9 +62,14 @@ class NumberTable:
             raise InputError(f"--columns = {shown(columns)} must be two of the columns of numbers: {self.listed}")
         return [by_number[text] for text in texts]
 
+    def beside(self, columns: Mapping[str, Column]) -> list[Column]:
+        """The other columns."""
+        numbers = {column.number for column in columns.values()}
+        return [column for column in self.columns if column.number not in numbers]
+
     def named(self, role: str, name: str) -> Column:
-        """The column with this header, with or without its unit; InputError for none or several."""
-        short = name_and_unit(name)[0]
+        """The column with this header, with or without its unit, or another unit; InputError for none or several."""
+        short, unit = name_and_unit(name)
         same = [column for column in self.columns if column.header == name]
         same = same or [column for column in self.columns if column.name == short]
         if len(same) != 1:
@@ -72,7 +77,7 @@ class NumberTable:
             rule = f"names the columns {numbers}" if same else "is none of the columns"
             hint = f"say which by number, --columns, of {self.listed}"
             raise InputError(f"--{role} = {shown(name)} {rule}", hint)
-        return same[0]
+        return replace(same[0], unit=unit or same[0].unit)
 
     def with_unit(self, column: Column, role: Role, said: list[str]) -> Column:
         """The column with its unit, or that which a line above the table states, or SI where its header says enough.

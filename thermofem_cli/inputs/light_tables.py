@@ -1,6 +1,5 @@
 """Measured light on the command line: columns of tables in W, dBm, dB or arbitrary units, and deviations of numbers."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,7 @@ from coupled import RingResonator
 from coupled.unknowns import fitted_names, number_of
 from thermofem import checks
 from thermofem.data import quantity
-from thermofem.data.column_units import LENGTH, Column, Role, light_in_si, units_by_role
-from thermofem.data.measured_trace import TIMES
+from thermofem.data.column_units import TIMES, WAVELENGTHS, Column, with_units
 from thermofem.data.number_table import NumberTable, number_table
 from thermofem.errors import InputError
 
@@ -22,7 +20,6 @@ from .drive_texts import assigned
 
 PORTS = ("drop", "through")
 WIDE = 30.0  # factor by which a rate may differ from its start
-WAVELENGTHS = Role("wavelength", (LENGTH,), 'give --units "nm,dBm"')
 
 
 def held_of(ring: RingResonator, held: list[str] | None) -> dict[str, float]:
@@ -47,7 +44,7 @@ def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     with checks.prefixed(str(path)):
         table, time, light = _columns(path, columns, units)
         t = table.with_unit(time, TIMES, said).in_si(TIMES)
-        drop, unit = light_in_si(light, TIMES.hint)
+        drop, unit = light.light_in_si()
         if np.mean(drop) <= 0:
             rule = f"{light.label} is negative on average, {np.mean(drop):.3g}: no power of light"
             raise InputError(rule, 'give --units "us,dBm"')
@@ -74,11 +71,9 @@ def sweep_table(path: Path, columns: str, units: str | None, port: str | None) -
 def _columns(path: Path, columns: str, units: str | None) -> tuple[NumberTable, Column, Column]:
     """A table and two columns of it, in the units that are stated or else in those of their headers."""
     table = number_table(path.read_bytes())
-    stated = units_by_role(units, ("swept", "light"))
     swept, light = table.pair(columns)
-    swept = replace(swept, unit=stated.get("swept") or swept.unit)
-    light = replace(light, unit=stated.get("light") or light.unit)
-    return table, swept, light
+    both = with_units({"swept": swept, "light": light}, units)
+    return table, both["swept"], both["light"]
 
 
 def rate_bounds(ring: coupled.RingResonator, free: str) -> dict[str, tuple[float, float]]:
