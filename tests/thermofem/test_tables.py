@@ -8,7 +8,7 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.data.column_units import scale_of
+from thermofem.data.column_units import LENGTH, POWER, RATIO, TEMPERATURE, TIME, VOLTAGE, scale_of
 from thermofem.data.number_table import number_table
 from thermofem.data.quantity import LONGEST_UNIT
 
@@ -221,16 +221,6 @@ def test_what_is_no_time_and_no_temperature_is_asked_about(name, unit, tmp_path)
         th.read_trace(tmp_path / "t.csv", 1e-3, **named)
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"), [("Volt", 1.0), ("Seconds", 1.0), ("Msec", 1e6), ("msec", 1e-3), ("Mvolt", 1e6), ("Mwatt", 1e6)]
-)
-def test_a_capital_letter_is_a_prefix_before_it_is_a_style(unit, factor):
-    """SI prefixes: M is 1e6, m is 1e-3."""
-    scale = scale_of(unit)
-    assert scale is not None
-    assert scale.factor == pytest.approx(factor, rel=1e-12, abs=0)
-
-
 @pytest.mark.parametrize("behind", [" and more", "V"])
 def test_a_text_that_only_begins_with_a_unit_is_none(behind):
     unit = "1 mV".rjust(LONGEST_UNIT, "0")
@@ -241,15 +231,21 @@ def test_a_text_that_only_begins_with_a_unit_is_none(behind):
 @pytest.mark.parametrize(
     ("unit", "dimensions", "in_si"),
     [
-        ("dBm", "kilogram * meter ** 2 / second ** 3", 1e-3 * 10**0.25),
-        ("dB", "dimensionless", 10**0.25),
-        ("nm", "meter", 2.5e-9),
+        ("dBm", POWER, 1e-3 * 10**0.25),
+        ("dB", RATIO, 10**0.25),
+        ("nm", LENGTH, 2.5e-9),
         ("GHz", "1 / second", 2.5e9),
-        ("°C", "kelvin", 275.65),
+        ("°C", TEMPERATURE, 275.65),
+        ("deg C", TEMPERATURE, 275.65),
         ("mA", "ampere", 2.5e-3),
+        ("Volt", VOLTAGE, 2.5),
+        ("Msec", TIME, 2.5e6),
+        ("msec", TIME, 2.5e-3),
+        ("Mvolt", VOLTAGE, 2.5e6),
     ],
 )
-def test_columns_of_sweeps_are_delivered_in_si(unit, dimensions, in_si):
+def test_units_of_headers_become_si(unit, dimensions, in_si):
+    """A capital letter is a prefix (M is 1e6, m is 1e-3) before it is a style."""
     table = number_table(f"x [{unit}];y\n2.5;1\n2.5;2\n2.5;3\n".encode())
     column = table.columns[0]
     assert column.name == "x"

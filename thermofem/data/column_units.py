@@ -26,7 +26,7 @@ IMPEDANCE = "kelvin * second ** 3 / kilogram / meter ** 2"  # thermal, K/W
 
 DECIBELS = {"db": (RATIO, 1.0), "dbm": (POWER, 1e-3), "dbw": (POWER, 1.0)}  # what they measure, and 0 dB of it in SI
 LIGHT = {POWER: "W", VOLTAGE: "V", RATIO: "fraction"}  # what detectors measure, in SI; any other unit is arbitrary
-SPELLED = {"C": "degC", "deg C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
+SPELLED = {"C": "degC", "S": "s", "C/W": "K/W", "degC/W": "K/W"}
 _SIGNS = str.maketrans({"℃": "degC", "°": "deg", "µ": "u", "μ": "u", "Ω": "ohm", "\u2126": "ohm"})
 _SYMBOL = r"(?:[A-Za-z]+|%)"
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -60,11 +60,11 @@ def scale_of(text: str) -> Scale | None:
     >>> scale_of("µs"), scale_of("°C").offset, scale_of("core")
     (Scale(dimensions='second', offset=0.0, factor=1e-06, decibels=False), 273.15, None)
     """
-    unit = text.strip().translate(_SIGNS)
+    unit = text.strip().translate(_SIGNS).replace("deg C", "degC")
     if unit.lower() in DECIBELS:  # instruments write "DBM", too; to pint "db" is a tenth of a barn
         dimensions, reference = DECIBELS[unit.lower()]
         return Scale(dimensions, 0.0, reference, decibels=True)
-    match = _UNIT.fullmatch(SPELLED.get(unit, unit))
+    match = _UNIT.fullmatch(unit)
     if match is None or len(unit) > LONGEST_UNIT:
         return None
     symbols = SPELLED.get(match[2], match[2])
@@ -125,8 +125,10 @@ class Role(NamedTuple):
 ASK_UNITS = 'give the units of both columns, such as --units "us,mV", or other --columns'
 TIMES = Role("time", (TIME,), ASK_UNITS, "s", ("t", "time", "Time", "TIME", "Zeit"), 1.0)  # longer may be no seconds
 READINGS = (TEMPERATURE, IMPEDANCE, VOLTAGE)
-TITLES = ("T", "dT", "delta_T", "temperature", "Temperature", "rise")
-RISES = Role("temperature", READINGS, f'{ASK_UNITS}, or --sensitivity, such as "75 pm/K"', "K", TITLES)
+ASK_SENSITIVITY = f'{ASK_UNITS}, or --sensitivity, such as "75 pm/K"'
+RISES = Role(
+    "temperature", READINGS, ASK_SENSITIVITY, "K", ("T", "dT", "delta_T", "temperature", "Temperature", "rise")
+)
 POWERS = Role("power", (POWER,), ASK_UNITS)
 WAVELENGTHS = Role("wavelength", (LENGTH,), 'give --units "nm,dBm"')
 
@@ -186,7 +188,7 @@ class Column:
         return scale.in_si(light), LIGHT[scale.dimensions]
 
 
-def with_units(columns: Mapping[str, Column], units: str | Mapping[str, str] | None) -> dict[str, Column]:
+def with_stated_units(columns: Mapping[str, Column], units: str | Mapping[str, str] | None) -> dict[str, Column]:
     """Columns by role in the units that the user states: "us,mV" in their order, or {"time": "us"}.
 
     Raises InputError: units of other columns.

@@ -16,7 +16,18 @@ from .. import checks
 from ..arrays import Array, Mask
 from ..waveforms import Constant, Waveform
 from . import dataset, files, quantity
-from .column_units import IMPEDANCE, POWERS, RISES, TEMPERATURE, TIMES, VOLTAGE, Column, Role, scale_of, with_units
+from .column_units import (
+    IMPEDANCE,
+    POWERS,
+    RISES,
+    TEMPERATURE,
+    TIMES,
+    VOLTAGE,
+    Column,
+    Role,
+    scale_of,
+    with_stated_units,
+)
 from .heating_start import Rows, light_of, rise_of, sampled_power
 from .number_table import NumberTable, number_table
 from .variables import VOLTS
@@ -91,7 +102,7 @@ def read_trace(
     with checks.prefixed(str(path)):
         table = number_table(content)
         said = [f"{table.after} lines below the table are left out"] if table.after else []
-        chosen = with_units(_columns(table, columns, names), units)
+        chosen = with_stated_units(_columns(table, columns, names), units)
         t = _times(table, chosen["time"], said)
         first, within = _given_start(table, t, start, said)
         drives = [column.header for column in table.beside(chosen) if column.header and _has_two_levels(column)]
@@ -103,15 +114,15 @@ def read_trace(
             wave = power if isinstance(power, Waveform) else Constant(float(power))
         if light:
             y, unit = chosen["temperature"].light_in_si()
+            if unit == "arbitrary":
+                said.append(f"{chosen['temperature'].label} states no unit: light in an arbitrary one")
         else:
             y, unit = _temperatures(table, chosen["temperature"], sensitivity, wave, said)
         if not isinstance(power, str):  # a column of power jumps at a time that stands twice
             used = _distinct(t, y, said)
         if first is None and None not in (heated, read) and heated != read:
             starts = "".join(f" or --start {name!r}" for name in drives)
-            rule = (
-                f"{heated} is heated and {read} is read: its rise begins late, by diffusion: the start is not searched"
-            )
+            rule = f"{heated} is heated, {read} is read: its rise begins late, by diffusion, so no start is searched"
             raise checks.InputError(rule, f'give --start, such as --start "0 s"{starts}')
         rows = Rows(t[used], y[used], wave, unit, said, "fall" if fall else "heating")
         level = quantity.parse(baseline, "K", name="--baseline") if isinstance(baseline, str) else baseline
@@ -174,7 +185,7 @@ def _measures(column: Column, role: Role) -> bool:
 
 def _times(table: NumberTable, column: Column, said: list[str]) -> Array:
     """Times in s, checked not to decrease."""
-    t = table.with_unit(column, TIMES, said).in_si(TIMES)
+    t = table.with_assumed_unit(column, TIMES, said).in_si(TIMES)
     return checks.array(f"{column.label} in s", t, increasing=True, hint="one record in each file")
 
 
@@ -212,7 +223,7 @@ def _temperatures(
     table: NumberTable, column: Column, sensitivity: str | float | None, wave: Waveform, said: list[str]
 ) -> tuple[Array, str]:
     """Temperatures in K, or readings divided by the sensitivity, and "K"; or "V" of volts that count as kelvin."""
-    column = table.with_unit(column, RISES, said)
+    column = table.with_assumed_unit(column, RISES, said)
     read_as = f"{column.label} is in {column.unit}"
     unit = "K"
     if sensitivity is not None:

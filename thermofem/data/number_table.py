@@ -79,7 +79,7 @@ class NumberTable:
             raise InputError(f"--{role} = {shown(name)} {rule}", hint)
         return replace(same[0], unit=unit or same[0].unit)
 
-    def with_unit(self, column: Column, role: Role, said: list[str]) -> Column:
+    def with_assumed_unit(self, column: Column, role: Role, said: list[str]) -> Column:
         """The column with its unit, or that which a line above the table states, or SI where its header says enough.
 
         said: gets the sentence on what was assumed.

@@ -10,7 +10,7 @@ from coupled import RingResonator
 from coupled.unknowns import fitted_names, number_of
 from thermofem import checks
 from thermofem.data import quantity
-from thermofem.data.column_units import TIMES, WAVELENGTHS, Column, with_units
+from thermofem.data.column_units import TIMES, WAVELENGTHS, Column, with_stated_units
 from thermofem.data.number_table import NumberTable, number_table
 from thermofem.errors import InputError
 
@@ -43,7 +43,7 @@ def drop_table(path: Path, columns: str, units: str | None) -> xr.Dataset:
     said: list[str] = []
     with checks.prefixed(str(path)):
         table, time, light = _columns(path, columns, units)
-        t = table.with_unit(time, TIMES, said).in_si(TIMES)
+        t = table.with_assumed_unit(time, TIMES, said).in_si(TIMES)
         drop, unit = light.light_in_si()
         if np.mean(drop) <= 0:
             rule = f"{light.label} is negative on average, {np.mean(drop):.3g}: no power of light"
@@ -72,7 +72,7 @@ def _columns(path: Path, columns: str, units: str | None) -> tuple[NumberTable, 
     """A table and two columns of it, in the units that are stated or else in those of their headers."""
     table = number_table(path.read_bytes())
     swept, light = table.pair(columns)
-    both = with_units({"swept": swept, "light": light}, units)
+    both = with_stated_units({"swept": swept, "light": light}, units)
     return table, both["swept"], both["light"]
 
 
