@@ -163,6 +163,12 @@ class Column:
         """What the column measures; None where it states no unit."""
         return scale_of(self.unit)
 
+    def measures(self, role: Role) -> bool:
+        """Whether its unit, or without one its header, says the role; volts may be anything."""
+        if self.scale is None:
+            return self.header in role.names
+        return self.scale.dimensions in role.dimensions and self.scale.dimensions != VOLTAGE
+
     def in_si(self, role: Role) -> Array:
         """Values in SI.
 

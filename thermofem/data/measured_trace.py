@@ -16,18 +16,7 @@ from .. import checks
 from ..arrays import Array, Mask
 from ..waveforms import Constant, Waveform
 from . import dataset, files, quantity
-from .column_units import (
-    IMPEDANCE,
-    POWERS,
-    RISES,
-    TEMPERATURE,
-    TIMES,
-    VOLTAGE,
-    Column,
-    Role,
-    scale_of,
-    with_stated_units,
-)
+from .column_units import IMPEDANCE, POWERS, RISES, TEMPERATURE, TIMES, VOLTAGE, Column, scale_of, with_stated_units
 from .heating_start import Rows, light_of, rise_of, sampled_power
 from .number_table import NumberTable, number_table
 from .variables import VOLTS
@@ -162,7 +151,7 @@ def _columns(
     for role, few in ((TIMES, 2), (RISES, 1)):
         if role.name not in chosen:
             free = table.beside(chosen)
-            likely = [column for column in free if _measures(column, role)]
+            likely = [column for column in free if column.measures(role)]
             if len(likely) != 1 and len(free) <= few:
                 likely = free[:1]
             if len(likely) == 1:
@@ -174,13 +163,6 @@ def _columns(
             f"{example}, or --time and --temperature"
         )
     return {role.name: chosen[role.name] for role in ROLES if role.name in chosen}
-
-
-def _measures(column: Column, role: Role) -> bool:
-    """Whether the unit of a column, or without one its header, says its role; volts may be anything."""
-    if column.scale is None:
-        return column.header in role.names
-    return column.scale.dimensions in role.dimensions and column.scale.dimensions != VOLTAGE
 
 
 def _times(table: NumberTable, column: Column, said: list[str]) -> Array:
