@@ -29,20 +29,12 @@ if TYPE_CHECKING:
 WRONG = "is a unit, a scale or an offset of delta_T, power or thermal_resistance wrong?"
 
 
-def static_gain(data: xr.Dataset) -> float | None:
-    """The thermal resistance in K/W that belongs to ``delta_T``; None where the Dataset states none.
-
-    Raises InputError: a thermal resistance that is not a positive number.
-    """
-    stated = data.attrs.get("thermal_resistance")
-    if stated is None:
-        return None
-    return checks.positive("data.attrs['thermal_resistance']", stated, unit="K/W")
-
-
-def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> list[str]:
+def contradictions(
+    data: xr.Dataset, R: float | None, wave: Waveform, times: Array, rise: Array, *, periodic: bool
+) -> list[str]:
     """Sentences on doubtful data; InputError where they contradict the thermal resistance that the Dataset states.
 
+    R [K/W]: that resistance, None where there is none.
     wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
     Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
         solver, of the sampling and of the noise. Not where the attribute ``temperature_dependent`` says that
@@ -52,7 +44,6 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     noise = 6.0 * noise_of(rise)  # 1e-9 a sample are beyond 6 sigmas
     # 1e-3: of data that do not state the relative error of their solver
     rtol = checks.between("data.attrs['rtol']", data.attrs.get("rtol", 1e-3), 0.0, 1.0)
-    R = static_gain(data)
     offset = 0.0 if periodic else _before_heat(wave, times, rise)
     shown = abs(offset) > max(noise + rtol * swing, 0.01 * swing)
     notes = [f"delta_T is {offset:.4g} K before any heat, 0 K is at rest; {WRONG}"] if shown else []

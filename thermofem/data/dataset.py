@@ -23,7 +23,7 @@ import xarray as xr
 from .. import __version__, checks, waveforms
 from ..arrays import Array, ArrayLike, Indices, Mask
 from ..checks import InputError
-from .data_doubts import clipping, contradictions, static_gain
+from .data_doubts import clipping, contradictions
 from .netcdf import SCHEMA, load, save
 from .variables import contents, describe, unit_of
 
@@ -179,7 +179,10 @@ def response_of(data: xr.Dataset) -> Response:
     periodic = kind == "periodic"
     if periodic:
         _check_one_period("data.time", times, wave)
-    doubts = contradictions(data, wave, times, rise, periodic=periodic)
+    gain = data.attrs.get("thermal_resistance")
+    if gain is not None:
+        gain = checks.positive("data.attrs['thermal_resistance']", gain, unit="K/W")
+    doubts = contradictions(data, gain, wave, times, rise, periodic=periodic)
     if clipped := clipping(rise, unit_of(data.attrs.get("assumed", ""))):
         doubts.append(clipped)
     words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
@@ -188,7 +191,7 @@ def response_of(data: xr.Dataset) -> Response:
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
     within = min(within, float(times[-1]) / FEWEST)
-    return Response(wave, times, rise, periodic, words, static_gain(data), tuple(doubts), within, rest, noise)
+    return Response(wave, times, rise, periodic, words, gain, tuple(doubts), within, rest, noise)
 
 
 def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:
