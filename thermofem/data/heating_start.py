@@ -292,7 +292,7 @@ def _baseline(rows: Rows, start: float, before: Array) -> tuple[float, float]:
     if before.size >= BASELINE_ROWS:
         level = float(before.mean())
         mean = f"the mean of {before.size} rows before the {rows.what}"
-        rows.said.append(f"baseline {sign * level:.4g} {rows.unit}, {mean}, is subtracted")
+        rows.said.append(f"baseline {sign * level:.6g} {rows.unit}, {mean}, is subtracted")
         return level, independent(before - level)
     if _has_no_offset(rows, start):
         rows.said.append("no rows before the heating and no offset: nothing is subtracted (--baseline says otherwise)")
@@ -309,7 +309,7 @@ def _baseline(rows: Rows, start: float, before: Array) -> tuple[float, float]:
             f"then, some {unseen:.2g} {rows.unit}, is larger than the rows show",
             "give --baseline, or another --start",
         )
-    words = f"baseline {sign * level:.4g} {rows.unit}, from the rows themselves, is subtracted"
+    words = f"baseline {sign * level:.6g} {rows.unit}, from the rows themselves, is subtracted"
     rows.said.append(f"no rows before the start: {words}")
     return level, float(quiet)
 
