@@ -17,15 +17,15 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from thermofem import Function, InputError, checks
-from thermofem.arrays import Array
+from thermofem import Function, InputError
+from thermofem.arrays import Array, ArrayLike
 from thermofem.piecewise import interpolated
 
 from .circuit.circuit import Circuit
 from .circuit.network import ring_heat
-from .heaters import AMBIENT, LongOn, Poles, channels, heating
-from .inputs import Pieces, add, bounds, joint, pieces
-from .resistive_heaters import LARGEST_DRIVE, ResistiveHeater, at_rest, read_heaters
+from .heaters import AMBIENT, Poles, channels, heating
+from .inputs import Pieces, add, joint, pieces
+from .resistive_heaters import ResistiveHeater, ThermalInput, at_rest, read_heaters
 from .states import final_state, starting_point
 from .thermal import attributes
 
@@ -33,7 +33,6 @@ log = logging.getLogger("thermofem")
 
 MOST_ITERATIONS = 100
 MOST_PASSES = 12
-PASS_ATTRIBUTES = ("heater_passes", "heater_change")  # attributes of a run
 
 
 class Feedback(NamedTuple):
@@ -67,71 +66,103 @@ class HeaterLoop:
     @cached_property
     def squares(self) -> dict[str, Pieces]:
         """The square of every drive over [0, duration], V^2 or A^2."""
-        return {one.name: _square(one, self.duration) for one in self.heaters}
+        return {heater.name: _square(heater, self.duration) for heater in self.heaters}
 
-    def powers(self, light: Mapping[str, Pieces] | None = None) -> dict[str, Any]:
-        """Powers of all heaters (W) as inputs of `heating`, with the heat of the absorbed ``light`` (W)."""
+    def powers(self, run: xr.Dataset | None = None) -> dict[str, Pieces]:
+        """Powers of the driven heaters (W), with the heat of the light of a ``run``; InputError without a limit."""
+        light = {} if run is None else self._absorbed(run)
         cold = Pieces.constant(0.0, self.duration, 0.0)
-        watts = {one.name: _power(one, self.squares[one.name], cold) for one in self.heaters}
+        watts = {heater.name: self._power(heater, cold) for heater in self.heaters}
         for _ in range(MOST_ITERATIONS):
             before = watts
-            watts = self._warmed(before, light or {})
+            watts = before | self._warmed(before, light)
             # the change of a power in the last iteration, relative to its largest value
             if difference(watts, before) <= 0.1 * self.rtol:
-                others = {name: power for name, power in self.given.items() if name != AMBIENT}
-                return others | {name: self._long_on(name, power) for name, power in watts.items()}
-        names = ", ".join(one.name for one in self.fed_back)
+                return watts
+        names = ", ".join(heater.name for heater in self.fed_back)
         raise InputError(f"heaters {names}: their temperature does not settle", "give a smaller drive")
 
     def _warmed(self, watts: dict[str, Pieces], light: Mapping[str, Pieces]) -> dict[str, Pieces]:
-        """The powers of all heaters at the temperatures that given powers cause."""
+        """The powers of the heaters with a tcr at the temperatures that given powers cause."""
         if not self.fed_back:
-            return watts
-        drives = {name: self._long_on(name, power) for name, power in watts.items()}
-        inputs = {**self.given, **light, **drives}
+            return {}
         poles, _, before, _ = self.feedback
-        warm = heating(poles, inputs, self.duration, self.rtol, before, len(self.fed_back))
-        after = watts.copy()
-        for one, rise in zip(self.fed_back, warm.rises, strict=True):
-            after[one.name] = _power(one, self.squares[one.name], rise)
-        return after
+        drives = {**self.given, **light, **self._long_on(watts)}
+        rises = heating(poles, drives, self.duration, self.rtol, before, len(self.fed_back)).rises
+        return {heater.name: self._power(heater, rise) for heater, rise in zip(self.fed_back, rises, strict=True)}
 
-    def _long_on(self, name: str, power: Pieces) -> Any:
-        """A power as an input whose constant part was there before t = 0: a number where it is one."""
-        if power.steady:
-            return float(power(0.0))
-        rest = self.feedback.rest.get(name, 0.0)
-        return LongOn([rest, add([power, Pieces.constant(0.0, self.duration, -rest)])])
+    def _power(self, heater: ResistiveHeater, rise: Pieces) -> Pieces:
+        """Power in W of a heater with a rise in K."""
+        square = self.squares[heater.name]
+        if square.steady and rise.steady:
+            return Pieces.constant(0.0, self.duration, float(heater.power(square(0.0), rise(0.0))))
+        return interpolated(
+            lambda t: heater.power(square(t), rise(t)),
+            lambda t: heater.power(square.before(t), rise.before(t)),
+            joint(square, rise),
+        )
 
-    def change(self, powers: Mapping[str, Any], run: xr.Dataset) -> tuple[dict[str, Any], float]:
-        """Powers with the heat of the light of a run, and the largest relative change from those that it had."""
-        if not self.fed_back:
-            return dict(powers), 0.0
-        time = run["time"].values
+    def _long_on(self, watts: Mapping[str, Pieces]) -> dict[str, Any]:
+        """Powers as inputs of `heating` whose constant part was there before t = 0: a number where it is one."""
+        inputs: dict[str, Any] = {}
+        for name, power in watts.items():
+            rest = self.feedback.rest.get(name, 0.0)
+            inputs[name] = [rest, add([power, Pieces.constant(0.0, self.duration, -rest)])]
+            if power.steady:
+                inputs[name] = float(power(0.0))
+        return inputs
+
+    def _absorbed(self, run: xr.Dataset) -> dict[str, Pieces]:
+        """The light (W) absorbed in a run by the input that it heats; the last value stays to the end."""
+        before_end = run["time"].values < self.duration
+        time = np.append(run["time"].values[before_end], self.duration)
         light = {}
-        for name, absorbed in zip(self.feedback.lit, np.atleast_2d(run["absorbed"].values), strict=True):
-            # the last value stays to the end
-            ends = [absorbed[-1]] if time[-1] < self.duration else []
-            spline = PchipInterpolator(np.append(time, [self.duration] * len(ends)), np.append(absorbed, ends))
+        for name, absorbed in zip(self.feedback.lit, np.atleast_2d(run["absorbed"].values), strict=False):
+            spline = PchipInterpolator(time, np.append(absorbed[before_end], absorbed[-1]))
             light[name] = pieces("absorbed", spline, 0.0, self.duration)
-        after = self.powers(light)
-        return after, difference(self._pieces(after), self._pieces(powers))
+        return light
 
-    def _pieces(self, powers: Mapping[str, Any]) -> dict[str, Pieces]:
-        return {one.name: pieces(one.name, powers[one.name], 0.0, self.duration) for one in self.fed_back}
+    def inputs(self, watts: Mapping[str, Pieces]) -> dict[str, Any]:
+        """Powers of all heaters (W) as inputs of a run."""
+        others = {name: power for name, power in self.given.items() if name != AMBIENT}
+        return others | self._long_on(watts)
 
     def described(self, run: xr.Dataset) -> xr.Dataset:
         """The run with the variables heater_voltage (V) and heater_current (A); nan of heaters driven by a power."""
         names = run["heater"].values.tolist()
         sides = np.full((2, *run["heater_power"].shape), np.nan)
-        for one in self.heaters:
-            k = names.index(one.name)
-            square = np.maximum(self.squares[one.name](run["time"].values), 0)
-            sides[:, k] = one.terminals(run["heater_power"].values[k], square)
+        for heater in self.heaters:
+            k = names.index(heater.name)
+            square = np.maximum(self.squares[heater.name](run["time"].values), 0)
+            sides[:, k] = heater.terminals(run["heater_power"].values[k], square)
         over = ("heater", "time")
         voltage = (over, sides[0], {"units": "V", "long_name": "voltage across a heater"})
         current = (over, sides[1], {"units": "A", "long_name": "current through a heater"})
         return run.assign(heater_voltage=voltage, heater_current=current)
+
+    def relaxed(
+        self, run: Callable[..., xr.Dataset], times: ArrayLike | None = None
+    ) -> tuple[dict[str, Pieces], xr.Dataset]:
+        """Repeat a run with the heat of its light in the heaters until their powers stay within rtol.
+
+        run: simulates with the given heaters and times.
+        Returns the powers (W) of the last run, and that run with its passes and the largest relative change of a power
+        that one more would make.
+        """
+        watts = self.powers()
+        pass_times = None if self.fed_back else times
+        for passes in range(1, MOST_PASSES + 1):
+            trace = run(heaters=self.inputs(watts), times=pass_times)
+            after = self.powers(trace)
+            change = difference(after, watts)
+            if change <= self.rtol or passes == MOST_PASSES:
+                break
+            watts = after
+        if change > self.rtol:
+            log.warning("after %d passes the powers of heaters change by %.1e (rtol %.1e)", passes, change, self.rtol)
+        if pass_times is not times:
+            trace = run(heaters=self.inputs(watts), times=times)
+        return watts, self.described(trace).assign_attrs(heater_passes=passes, heater_change=change)
 
 
 def heater_loop(
@@ -164,19 +195,18 @@ def _of_ring(
     small: Any = channels(model, ring.read, inputs, heated, read).model
     lit = small.linear
     poles = {}
-    begin = {}
     for name in system.inputs:
         gains = [system.channel(name, heater.name).dynamics.gain for heater in heaters]
         poles[name] = Poles(1 / np.asarray(lit.tau), np.array(gains))
-        begin[name] = np.zeros(lit.order)
     # all inputs share the poles: the heat of the past counts as that of the light
     past = np.asarray(starting_point(initial, lit.order, attributes(small)).thermal)
     if past[lit.gain == 0].any():
         rule = "initial holds heat of the heaters of a layout, whose temperatures it does not say"
         raise InputError(rule, "start cold, or take a circuit of this ring: coupled.bus(ring)")
     part = lit.inputs[0]
-    begin[part] = np.divide(past, lit.gain, out=np.zeros(lit.order), where=lit.gain != 0)
-    return Feedback(poles, (part,), np.concatenate([*begin.values()]), {})
+    begin = np.divide(past, lit.gain, out=np.zeros(lit.order), where=lit.gain != 0)
+    before = [begin if name == part else np.zeros(lit.order) for name in poles]
+    return Feedback(poles, (part,), np.concatenate(before), {})
 
 
 def _of_circuit(
@@ -201,25 +231,6 @@ def _of_circuit(
     return Feedback(poles, circuit.names, np.concatenate([*past, heater_states]), {})
 
 
-def relaxed(loop: HeaterLoop, run: Callable[[dict[str, Any]], xr.Dataset]) -> tuple[dict[str, Any], xr.Dataset]:
-    """Repeat a run with the heat of its light in the heaters until their powers stay within rtol.
-
-    run: simulates with the given powers.
-    Returns the powers (W) of the last run, and that run with its passes and the largest relative change of a power that
-    one more would make.
-    """
-    powers = loop.powers()
-    for passes in range(1, MOST_PASSES + 1):
-        trace = run(powers)
-        after, change = loop.change(powers, trace)
-        if change <= loop.rtol or passes == MOST_PASSES:
-            break
-        powers = after
-    if change > loop.rtol:
-        log.warning("after %d passes the powers of heaters change by %.1e (rtol %.1e)", passes, change, loop.rtol)
-    return powers, trace.assign_attrs(heater_passes=passes, heater_change=change)
-
-
 def difference(some: Mapping[str, Pieces], others: Mapping[str, Pieces]) -> float:
     """Largest difference of powers in the middles of their pieces, relative to the largest value of each."""
     largest = 0.0
@@ -233,24 +244,7 @@ def difference(some: Mapping[str, Pieces], others: Mapping[str, Pieces]) -> floa
 
 def _square(heater: ResistiveHeater, duration: float) -> Pieces:
     """The square of a drive, V^2 or A^2, over [0, duration]."""
-    name = f"heaters[{heater.name!r}]"
-    drive = pieces(name, heater.drive.wave, 0.0, duration)
-    for value in bounds(drive):
-        checks.between(name, value, -LARGEST_DRIVE, LARGEST_DRIVE, unit=heater.drive.unit)
+    drive = ThermalInput.of(heater.name, heater.drive).in_time(duration)
     if drive.steady:
         return Pieces.constant(0.0, duration, float(drive(0.0)) ** 2)
     return Function(lambda t: drive(t) ** 2, drive.edges[1:-1]).pieces(0.0, duration)
-
-
-def _power(heater: ResistiveHeater, square: Pieces, rise: Pieces) -> Pieces:
-    """Power in W of a heater with a rise in K."""
-    if square.steady and rise.steady:
-        return Pieces.constant(square.edges[0], square.edges[-1], float(heater.power(square(0.0), rise(0.0))))
-
-    def after(t: Array) -> Array:
-        return heater.power(square(t), rise(t))
-
-    def before(t: Array) -> Array:
-        return heater.power(square.before(t), rise.before(t))
-
-    return interpolated(after, before, joint(square, rise))

@@ -21,8 +21,8 @@ from thermofem.models import ThermalModel, bare, has_ports
 from thermofem.piecewise import hermite
 from thermofem.ring_temperature import CORE, detuning_output
 
-from .inputs import Pieces, add, bounds, check_ring, last_change, pieces, power_in_time
-from .resistive_heaters import LARGEST_POWER, Rest, at_rest, heater_power
+from .inputs import Pieces, add, check_ring, last_change
+from .resistive_heaters import Rest, ThermalInput, at_rest
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
 
@@ -104,19 +104,6 @@ def with_ambient(heaters: Mapping[str, Any] | None, ambient: Any) -> dict[str, A
     return {**names} if ambient is None else {**names, AMBIENT: ambient}
 
 
-class Driving(NamedTuple):
-    """The channel of a thermal model that drives a ring, and what is said about it as attributes of a result."""
-
-    model: Compact
-    doubts: dict[str, Any]
-
-
-def driving(ring: RingResonator, model: ThermalModel) -> Driving:
-    """Select the channel from the absorbed light to the temperature that a ring reads; raises as `channels`."""
-    small = channels(model, ring.read).model
-    return Driving(small, check_model(ring, model, small))
-
-
 def check_unlit(heaters: Mapping[str, Any], lit: str) -> None:
     """Raise InputError if ``lit``, the part that the light heats, is among the heaters."""
     if lit in heaters:
@@ -159,13 +146,13 @@ def heating(
 
     heaters [mapping of name to number, waveform, or list of them, which add; W]
     before [J]: states of all heaters at t = 0, concatenated; heaters that are not given cool down from there. None: a
-        number, or the first of `LongOn`, is a power that was constant for all t < 0, any other input is 0 for t < 0.
+        number, also in a list, is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given.keys() - {AMBIENT}:
         hint = "" if poles else "the thermal model has no heaters among its inputs"
         checks.choice("a name in heaters", name, poles, hint=hint)
-    powers = {name: power_of(name, p, duration) for name, p in given.items()}
+    powers = {name: ThermalInput.of(name, power).in_time(duration) for name, power in given.items()}
     dark = Pieces.constant(0.0, duration, 0.0)
     stops = np.cumsum([0, *(each.rate.size for each in poles.values())])
     started = np.zeros(stops[-1]) if before is None else before
@@ -186,29 +173,11 @@ def heating(
     return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
 
 
-class LongOn(list[Any]):
-    """A list of inputs, which add; its first one, a number, was there before t = 0."""
-
-
 def _long_on(value: Any) -> float:
-    """The part of an input that was there before t = 0 where nothing else is known: a number."""
-    constant = value[0] if isinstance(value, LongOn) else value
-    return float(constant) if hasattr(constant, "__float__") else 0.0
-
-
-def power_of(name: str, value: Any, duration: float) -> Pieces:
-    """Power of a heater (W) as a piecewise cubic over [0, duration], or the temperature of the ambient (K).
-
-    Raises InputError: a power that is negative or too large, a temperature out of range.
-    """
-    if name == AMBIENT:
-        moved = pieces(AMBIENT, value, 0.0, float(duration))
-        for kelvin in bounds(moved):
-            heater_power(AMBIENT, kelvin)
-        return moved
-    hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
-    found = power_in_time(value, duration, f"heaters[{name!r}]", LARGEST_POWER, hint)
-    return Pieces.constant(0.0, float(duration), found) if isinstance(found, float) else found
+    """The part of an input that was there before t = 0 where nothing else is known: a number, also in a list."""
+    if isinstance(value, list | tuple):
+        return sum(map(_long_on, value))
+    return float(value) if hasattr(value, "__float__") else 0.0
 
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:
@@ -286,7 +255,7 @@ class ConstantHeating(NamedTuple):
     rise: float
     rest: Rest
     """The same with all inputs and outputs, and the powers."""
-    doubts: Mapping[str, Any] = {}
+    doubts: dict[str, Any] = {}
     """What `check_model` says about the model."""
 
     def turned(self, ring: RingResonator) -> float:
@@ -318,23 +287,21 @@ def constant(
     Under a voltage or a current the model is the one around the heaters' own state, see `resistive_heaters`.
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
-    selected = channels(model, wanted, heaters, heated, read)
-    settled = at_rest(model, heaters)
+    rest = at_rest(model, heaters)
+    selected = channels(rest.model, wanted, rest.sources, heated, read)
     gains = {AMBIENT: 1.0}
     for name, transfer in selected.transfers.items():
         gains[name] = transfer.thermal_resistance
-    rise = sum(gains[name] * power for name, power in settled.powers.items())
-    if settled.model is not model:
-        selected = channels(settled.model, wanted, settled.powers, heated, read)
-    return ConstantHeating(selected.model, float(rise), settled)
+    rise = sum(gains[name] * power for name, power in rest.sources.items())
+    return ConstantHeating(selected.model, float(rise), rest)
 
 
 def warmed(
     ring: RingResonator,
     model: ThermalModel,
-    heaters: Mapping[str, Any] | None,
-    heated: str | None,
-    read: str | None,
+    heaters: Mapping[str, Any] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> ConstantHeating:
     """`constant` for the temperature that a ring reads, with the doubts about the model.
 

@@ -1,4 +1,4 @@
-"""Heaters driven by a voltage or a current, whose resistance follows their temperature, and their state at rest.
+"""Drives of heaters, in watts, volts or amperes; resistances that follow the temperature, and heaters at rest.
 
     R_h = R_0 (1 + alpha dT_h),    P_h = V^2/R_h or I^2 R_h,    dT_h = sum_g Z_hg P_g + sum_c Z_hc P_c + T_a
 
@@ -20,16 +20,15 @@ from scipy.sparse import issparse
 
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array
-from thermofem.errors import Hint
 from thermofem.geometry.resistor import Resistor
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.models.contract import bare
 
+from .inputs import Pieces, bounds, pieces, power_in_time
 from .thermal import MOST_POLES, check_order, geometry_of
 
-LARGEST_DRIVE = 1e3  # V or A
 LARGEST_POWER = 10.0  # W
-LARGEST_AMBIENT = 250.0  # K, above or below the ambient of the geometry
+RANGES = {"W": (0.0, LARGEST_POWER), "V": (-1e3, 1e3), "A": (-1e3, 1e3), "K": (-250.0, 250.0)}
 MOST_ITERATIONS = 50  # of Newton's method
 DIGITS = 1e-12  # of the rise, below which its last correction is
 APART = 1e-5  # relative difference of equal rates, so that modes exist
@@ -84,31 +83,59 @@ class ResistiveHeater:
 
     def power(self, square: Any, rise: Any) -> Any:
         """Power in W for the square of the drive and the rise in K; InputError where R or the power is out of range."""
-        resistance = self.resistor.resistance * (1 + self.resistor.tcr * rise)
-        hint = f"at a rise of {np.max(np.abs(rise)):.4g} K; tcr = {self.resistor.tcr:g} 1/K does not reach that far"
-        checks.positive(f"resistance of {self.name!r}", float(np.min(resistance)), unit="ohm", hint=hint)
-        power = square * resistance**self.drive.exponent
+        power = square * self.resistor.at(rise, self.name) ** self.drive.exponent
         drive = f"by {np.sqrt(np.max(square)):g} {self.drive.unit} in {self.resistor.resistance:g} ohm"
-        checks.between(f"power of {self.name!r} {drive}", float(np.max(power)), 0, LARGEST_POWER, unit="W")
+        check_drive(f"power of {self.name!r} {drive}", float(np.max(power)), "W")
         return power
 
     def slope(self, power: float, rise: float) -> float:
         """dP/dT in W/K at a constant drive."""
-        return self.drive.exponent * self.resistor.tcr * power / (1 + self.resistor.tcr * rise)
-
-    @property
-    def square(self) -> float:
-        """The square of the drive, which must be a number."""
-        hint = "a constant, such as coupled.Volts(1.2); coupled.simulate takes waveforms"
-        name = f"heaters[{self.name!r}]"
-        drive = checks.between(name, self.drive.wave, -LARGEST_DRIVE, LARGEST_DRIVE, unit=self.drive.unit, hint=hint)
-        return drive**2
+        per_ohm = self.drive.exponent * power / self.resistor.at(rise, self.name)
+        return per_ohm * self.resistor.resistance * self.resistor.tcr
 
     def terminals(self, power: Any, square: Any) -> tuple[Array, Array]:
         """Voltage (V) and current (A) at a power in W and the square of the drive; both are positive."""
         drive = np.sqrt(square)
         other = np.divide(power, drive, out=np.zeros_like(drive), where=drive > 0)
         return (drive, other) if self.drive.exponent < 0 else (other, drive)
+
+
+def check_drive(name: str, value: Any, unit: str, hint: str = "") -> float:
+    """A drive of a heater in W, V or A, or the ambient in K; InputError if it is no number or out of range."""
+    if unit == "K":
+        hint = "it is in kelvin above the ambient of the geometry"
+    return checks.between(name, value, *RANGES[unit], unit=unit, hint=hint)
+
+
+class ThermalInput(NamedTuple):
+    """An input of a thermal model: its name in messages, its unit (W, V, A; K of the ambient), and its values."""
+
+    label: str
+    unit: str
+    wave: Any
+
+    @classmethod
+    def of(cls, name: str, given: Any) -> "ThermalInput":
+        """The drive of the input ``name`` as a caller gives it."""
+        if name == AMBIENT:
+            return cls(AMBIENT, "K", given)
+        return cls(f"heaters[{name!r}]", getattr(given, "unit", "W"), getattr(given, "wave", given))
+
+    def constant(self) -> float:
+        """Its value; raises as `check_drive`."""
+        hint = "a constant, such as 5e-3 in W or coupled.Volts(1.2); coupled.simulate takes waveforms"
+        return check_drive(self.label, self.wave, self.unit, hint)
+
+    def in_time(self, duration: float) -> Pieces:
+        """Piecewise cubics over [0, duration]; raises as `check_drive`."""
+        if self.unit == "W":
+            hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
+            power = power_in_time(self.wave, duration, self.label, LARGEST_POWER, hint)
+            return pieces(self.label, power, 0.0, duration)
+        found = pieces(self.label, self.wave, 0.0, duration)
+        for value in bounds(found):
+            check_drive(self.label, value, self.unit)
+        return found
 
 
 def resistive_heaters(model: Any, heaters: Mapping[str, Any]) -> list[ResistiveHeater]:
@@ -128,9 +155,11 @@ def resistive_heaters(model: Any, heaters: Mapping[str, Any]) -> list[ResistiveH
 def _resistor(model: Any, name: str, values: Any) -> Resistor:
     """The resistor of an input: R_0 (ohm) and tcr (1/K) in ``values`` where they are recorded, or by the geometry."""
     if values is not None:
-        pair = checks.array(f"resistor of {name!r} in the model", values)
-        checks.shape(f"resistor of {name!r} in the model", pair, (2,))
-        return Resistor(float(pair[0]), float(pair[1]), "recorded")
+        label = f"resistor of {name!r} in the model"
+        pair = checks.array(label, values)
+        checks.shape(label, pair, (2,))
+        resistance, tcr = pair.tolist()
+        return Resistor(resistance, tcr, "recorded")
     text = geometry_of(model)
     if text:
         return CrossSection.from_toml_text(text).resistor(name)
@@ -166,51 +195,47 @@ def at_rest(model: Any, heaters: Mapping[str, Any] | None) -> Rest:
     """
     heaters = checks.mapping("heaters", heaters)
     resistive = resistive_heaters(model, heaters)
-    cold = {one.name: float(one.power(one.square, 0.0)) for one in resistive}
-    powers = {name: cold[name] if name in cold else heater_power(name, value) for name, value in heaters.items()}
-    fed_back = [one for one in resistive if one.resistor.tcr]
+    powers = {name: ThermalInput.of(name, given).constant() for name, given in heaters.items()}
+    squares = {heater.name: powers[heater.name] ** 2 for heater in resistive}
+    for heater in resistive:
+        powers[heater.name] = float(heater.power(squares[heater.name], 0.0))
+    fed_back = [heater for heater in resistive if heater.resistor.tcr]
     sources = powers
     if fed_back:
-        model, sources = _balanced(model, fed_back, powers)
+        model, sources = _balanced(model, fed_back, squares, powers)
     attributes = {AMBIENT if name == AMBIENT else f"power_in_{name}": value for name, value in powers.items()}
-    for one in resistive:
-        volts, amperes = one.terminals(powers[one.name], np.asarray(one.square))
-        attributes |= {f"voltage_of_{one.name}": float(volts), f"current_of_{one.name}": float(amperes)}
+    for heater in resistive:
+        volts, amperes = heater.terminals(powers[heater.name], np.asarray(squares[heater.name]))
+        attributes |= {f"voltage_of_{heater.name}": float(volts), f"current_of_{heater.name}": float(amperes)}
     return Rest(model, powers, sources, attributes)
 
 
-def heater_power(name: str, value: Any) -> float:
-    """Check the constant power of a heater (W) or the ambient (K); InputError if it is no number or out of range."""
-    if name == AMBIENT:
-        hint = "it is in kelvin above the ambient of the geometry"
-        return checks.between(AMBIENT, value, -LARGEST_AMBIENT, LARGEST_AMBIENT, unit="K", hint=hint)
-    hint = Hint("a constant power in W, such as 5e-3; coupled.simulate takes waveforms")
-    return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
-
-
 def _balanced(
-    model: Any, heaters: list[ResistiveHeater], powers: dict[str, float]
+    model: Any, heaters: list[ResistiveHeater], squares: Mapping[str, float], powers: dict[str, float]
 ) -> tuple[StateSpace, dict[str, float]]:
     """Set the powers (W) of heaters with a tcr to those at rest; returns the model around it and its sources."""
     system = read_heaters(model, heaters)
     names = [heater.name for heater in heaters]
     rows = [system.outputs.index(name) for name in names]
-    inside = [name for name in powers if name in system.inputs]
-    gain = system.gain[np.ix_(rows, [system.inputs.index(name) for name in inside])]
-    across = gain[:, [inside.index(name) for name in names]]
-    at_once = 0.0 if AMBIENT in inside else powers.get(AMBIENT, 0.0)
+    gain = dict(zip(system.inputs, system.gain[rows].T, strict=True))
+    across = np.column_stack([gain[name] for name in names])
+    at_once = 0.0 if AMBIENT in gain else powers.get(AMBIENT, 0.0)
+    others = [name for name in powers if name in gain and name not in names]
+    by_others = sum(gain[name] * powers[name] for name in others)
     rise = np.zeros(len(heaters))
     slope = np.zeros(len(heaters))
     for _ in range(MOST_ITERATIONS):
         for k, heater in enumerate(heaters):
-            powers[heater.name] = float(heater.power(heater.square, rise[k] + at_once))
-            slope[k] = heater.slope(powers[heater.name], rise[k] + at_once)
-        residual = gain @ [powers[name] for name in inside] - rise
+            hot = rise[k] + at_once
+            powers[heater.name] = float(heater.power(squares[heater.name], hot))
+            slope[k] = heater.slope(powers[heater.name], hot)
+        watts = np.array([powers[name] for name in names])
+        residual = by_others + across @ watts - rise
         step = np.linalg.solve(np.eye(rise.size) - across * slope, residual)
         rise = rise + step
         if np.abs(step).max() <= DIGITS * max(1.0, np.abs(rise).max()):
             B = system.B[:, [system.inputs.index(name) for name in names]]
-            sources = {name: powers[name] - a * dT for name, a, dT in zip(names, slope, rise, strict=True)}
+            sources = dict(zip(names, watts - slope * rise, strict=True))
             return _fed_back(system, B * slope, system.C[rows]), {**powers, **sources}
     raise checks.InputError(f"heaters {', '.join(names)}: no steady temperature is found", "give a smaller drive")
 
@@ -244,9 +269,9 @@ def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
     """The matrices of a model, dense; InputError unless it is small, linear and reads the given heaters."""
     system = bare(model)
     checks.instance("model", system, StateSpace, hint=f"a heater with a tcr needs {READ_TOO}")
-    for one in heaters:
-        if one.name not in system.outputs:
-            rule = f"the thermal model does not read {one.name!r}, whose temperature changes its resistance"
+    for heater in heaters:
+        if heater.name not in system.outputs:
+            rule = f"the thermal model does not read {heater.name!r}, whose temperature changes its resistance"
             raise checks.InputError(rule, f"give {READ_TOO}, or tcr = 0")
     check_order(system.order, MOST_POLES)
     return replace(system, A=system.A.toarray()) if issparse(system.A) else system

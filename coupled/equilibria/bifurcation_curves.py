@@ -28,7 +28,7 @@ from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..heaters import driving
+from ..heaters import warmed
 from ..inputs import check_axis, check_ring
 from ..kernel.rates import absorbed_slopes, dispersion, recombination
 from ..kernel.units import FJ, NS, UW, internal_pump
@@ -121,12 +121,12 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     check_ring(ring)
     P = check_axis("powers", powers)
     nu = check_axis("detunings", detunings)
-    small, doubts = driving(ring, model)
-    at = internal_ring(ring, small, absorbable(ring, P[-1]))
+    warm = warmed(ring, model)
+    at = internal_ring(ring, warm.model, absorbable(ring, P[-1]))
     shifts = 2 * np.pi * NS * nu
     faint, high = peak([internal_pump(ring, P[0]), internal_pump(ring, P[-1])], at)
     low = faint / np.cosh(farthest(np.abs(shifts).max(), high, at)) ** 2
-    return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES), doubts)
+    return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES), warm.doubts)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:

@@ -12,7 +12,7 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.stationary import low_power_transmission
-from ..heaters import driving, warmed, with_ambient
+from ..heaters import warmed, with_ambient
 from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.rates import absorbed_power
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
@@ -190,7 +190,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     rates, _ = internal_rates(ring)
     N = carriers(U, rates)[0]
     largest = float(absorbed_power(U, N, rates).max()) * UW
-    at = internal_ring(ring, driving(ring, model).model, largest)
+    at = internal_ring(ring, warmed(ring, model).model, largest)
     linear = at.model.thermal_resistance * largest
     trusted(model, at.model.steady_rise(largest), linear)
     here = balance(U, at)
@@ -235,8 +235,8 @@ def sweep(
     P, nu = _checked(power, detuning)
     if (P.size > 1) == (nu.size > 1):
         raise InputError("one of power and detuning must be an array of steps, the other one number")
-    small, doubts = driving(ring, model)
-    at = internal_ring(ring, small, absorbable(ring, float(P.max())))
+    warm = warmed(ring, model)
+    at = internal_ring(ring, warm.model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P = np.broadcast_to(P, steps)
     nu = np.broadcast_to(nu, steps)
@@ -265,7 +265,7 @@ def sweep(
         path[k] = lasting[nearest] if jumped[k] else same[0]
     points = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
     points["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
-    return points.assign_attrs(doubts)
+    return points.assign_attrs(warm.doubts)
 
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.ring_temperature import detuning_output
 from thermofem.waveforms import KINDS, PiecewiseCubic, Waveform
 
-from ..heater_loop import HeaterLoop, heater_loop, relaxed
-from ..heaters import heater_powers, power_of
-from ..inputs import Lights, check_ring, check_run, detuning_in_time, last_change, pieces, power_in_time
-from ..resistive_heaters import resistive_heaters
+from ..heater_loop import HeaterLoop, difference, heater_loop
+from ..heaters import heater_powers
+from ..inputs import Lights, Pieces, check_ring, check_run, detuning_in_time, last_change, pieces, power_in_time
+from ..resistive_heaters import ThermalInput, resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
@@ -122,7 +123,7 @@ def cosimulate(
         read = _read_output(ring, heat)
         drive = {"power": power, "detuning": detuning, "duration": duration, "rtol": rtol}
         electric = _electric(ring, heat, drives, initial, read, drive)
-        powers = drives if electric is None else electric[1]
+        powers = drives if electric is None else electric[0].inputs(electric[1])
         drives = {name: _over(name, power, duration) for name, power in powers.items()}
         corrector: Any = FEM(
             heat, read=read, heaters=drives, max_discrepancy=max_discrepancy, field_times=field_moments
@@ -156,9 +157,9 @@ def cosimulate(
             progress(loop.time)
     data = _dataset(ring, light, loop, parts, duration).assign_attrs(doubts)
     if electric is not None:
-        loop_of_heaters, powers = electric
-        _, change = loop_of_heaters.change(powers, data)
-        data = loop_of_heaters.described(data).assign_attrs(heater_change=change)
+        heater_feedback, watts = electric
+        change = difference(heater_feedback.powers(data), watts)
+        data = heater_feedback.described(data).assign_attrs(heater_change=change)
     return data if initial is None else data.assign_attrs(initial="given")
 
 
@@ -170,7 +171,7 @@ def _read_output(ring: RingResonator, heat: HeatProblem | StateSpace | Nonlinear
 
 def _electric(
     ring: RingResonator, heat: Any, heaters: Any, initial: Any, read: str, drive: dict[str, Any]
-) -> tuple[HeaterLoop, dict[str, Any]] | None:
+) -> tuple[HeaterLoop, dict[str, Pieces]] | None:
     """The loop and the powers of heaters under a voltage or a current; None without such heaters.
 
     With a tcr the powers are those of runs of `simulate` with a reduction of the FEM.
@@ -197,13 +198,13 @@ def _electric(
         rises = small.C[0] * modes
         start = State.from_array(np.append(light, rises[np.argsort(1 / basis.rate)]))
     loop = heater_loop(ring, small, resistive, heaters, drive["duration"], drive["rtol"], initial=start)
-    powers, _ = relaxed(loop, lambda watts: simulate(ring, small, heaters=watts, initial=start, **drive))
-    return loop, powers
+    watts, _ = loop.relaxed(partial(simulate, ring, small, initial=start, **drive))
+    return loop, watts
 
 
 def _over(name: str, value: Any, duration: float) -> Any:
     """Return the checked power of a heater: a waveform as it is; a number, function or list as a piecewise cubic."""
-    power = power_of(name, value, duration)
+    power = ThermalInput.of(name, value).in_time(duration)
     if type(value).__name__ in KINDS and not isinstance(value, Function):
         return value
     return PiecewiseCubic(power.edges, power.coefficients)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
 from ..circuit.system import run_circuit
-from ..heater_loop import PASS_ATTRIBUTES, heater_loop, relaxed
+from ..heater_loop import heater_loop
 from ..heaters import Poles, channels, heater_powers, heating, with_ambient
 from ..inputs import Input, check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..kernel.tableaus import Method
@@ -90,7 +91,7 @@ def simulate(
         run ends at the first unless ``stop=False``.
     heaters : mapping of name to float, Waveform, or a list of both; W; or to `Volts` or `Amperes`; optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; for a circuit a
-        number is a power that has been on for long, unless the run continues another (``initial``).
+        number, also in a list, is a power that has been on for long, unless the run continues another (``initial``).
         Under a voltage or a current the resistance follows the temperature of the heater (`coupled.Volts`).
     ambient : float, Waveform, `coupled.Sweep`, or a list of them; K, optional
         temperature of the ambient above that of the geometry, from t = 0 on, as of heaters. A model that has the input
@@ -155,12 +156,7 @@ def simulate(
             "average": average, "progress": progress,
         }  # fmt: skip
         loop = heater_loop(ring, model, resistive, drives, duration, rtol, heated, read, initial)
-        pass_times = None if loop.fed_back else times
-        powers, driven = relaxed(loop, lambda watts: simulate(ring, model, heaters=watts, times=pass_times, **alike))
-        if pass_times is not times:
-            passes = {name: driven.attrs[name] for name in PASS_ATTRIBUTES}
-            driven = simulate(ring, model, heaters=powers, times=times, **alike).assign_attrs(passes)
-        return loop.described(driven)
+        return loop.relaxed(partial(simulate, ring, model, **alike), times)[1]
     if isinstance(ring, Circuit):
         alone: dict[str, Any] = {"event": event, "heated": heated, "read": read, "lasers": lasers or None}
         for name, value in alone.items():

@@ -14,7 +14,7 @@ from thermofem.data import dataset
 from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
-from ..heaters import driving
+from ..heaters import warmed
 from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, summary
 from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
@@ -147,13 +147,13 @@ def fit_transmission(
     for k, (sweep, size) in enumerate(zip(given, sizes, strict=True)):
         data.append(read_sweep(f"sweeps[{k}]", sweep, ring, size))
     law = second_order_poles(**asdict(SECOND_ORDER_FEM)) if model is None else model
-    heat, doubts = driving(ring, law)
-    search = make_search(ring, float(heat.thermal_resistance), data, free, bounds)
+    heat = warmed(ring, law)
+    search = make_search(ring, float(heat.model.thermal_resistance), data, free, bounds)
     values = held_numbers(ring, free) | {RESISTANCE: search.resistance, POWER: 1.0, FREQUENCY: ring.frequency}
     values = {name: value for name, value in values.items() if name not in free}
     deviations = held_deviations(held, [*values], free)
     search, end, other = with_other_answer(search, searched(search, search.start), bounds)
-    return _result(search, end, other, values, deviations, notes_of(doubts))
+    return _result(search, end, other, values, deviations, notes_of(heat.doubts))
 
 
 class Spread(NamedTuple):

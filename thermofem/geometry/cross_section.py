@@ -25,7 +25,7 @@ from ..materials.material_laws import beyond_table
 from ..materials.material_library import VOID, Material, find
 from . import geometry_file, parameter_paths, section_parts
 from .regions import Subdivision, check_held, check_places, subdivide
-from .resistor import Resistor, check_resistors, resistor_of
+from .resistor import Resistor, check_resistors, known_resistor
 from .section_parts import Boundary, Bus, Guide, Interface, Layer, Part, Probe, images, length
 
 SECTION_KINDS = ("ring", "straight")
@@ -295,7 +295,14 @@ class CrossSection:
 
     def resistor(self, part: str) -> Resistor:
         """Resistance (ohm) and temperature coefficient (1/K) of a heated part; InputError where it has none."""
-        return resistor_of(self, part)
+        resistor = known_resistor(self, part)
+        if resistor is None:
+            material = self.material_of(part).name
+            raise checks.InputError(
+                f"part {part!r} has no resistance, and {material} no resistivity",
+                f'give resistance = "120 ohm" to the part, or resistivity = "4.3e-7 ohm*m" in [material.{material}]',
+            )
+        return resistor
 
     def opened(self) -> CrossSection:
         """Copy with the stack continued beyond its bottom and outer side (`section_parts.Boundary`, "open").

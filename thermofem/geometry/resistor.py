@@ -1,4 +1,4 @@
-"""Electrical resistance of a heated part, given or from its material: V^2/R or I^2 R is the power that it takes."""
+"""Electrical resistance of a heated part, given or from its material, and the data sheet of a heater."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from scipy.constants import c
 
 from .. import checks
@@ -30,6 +31,13 @@ class Resistor:
     resistance: float
     tcr: float
     origin: str
+
+    def at(self, rise: Any, name: str) -> Any:
+        """R in ohm at a rise in K; InputError, with the ``name`` of the heater, where it is not positive."""
+        resistance = self.resistance * (1 + self.tcr * rise)
+        hint = f"at a rise of {np.max(np.abs(rise)):.4g} K; tcr = {self.tcr:g} 1/K does not reach that far"
+        checks.positive(f"resistance of {name!r}", float(np.min(resistance)), unit="ohm", hint=hint)
+        return resistance
 
 
 def known_resistor(
@@ -60,18 +68,6 @@ def known_resistor(
     resistance = resistivity * length / (width * part.height)
     origin = f"rho L/(w h) of {part.material}, L = {quantity.rounded(length, 'm', 6)} {along}"
     return Resistor(resistance, part.tcr, origin)
-
-
-def resistor_of(geometry: CrossSection, name: str) -> Resistor:
-    """As `known_resistor`; InputError where the part has no resistance and its material no resistivity."""
-    resistor = known_resistor(geometry, name)
-    if resistor is None:
-        material = geometry.material_of(name).name
-        raise checks.InputError(
-            f"part {name!r} has no resistance, and {material} no resistivity",
-            f'give resistance = "120 ohm" to the part, or resistivity = "4.3e-7 ohm*m" in [material.{material}]',
-        )
-    return resistor
 
 
 def recorded(resistors: Mapping[str, Resistor | None]) -> dict[str, list[float]]:
@@ -118,8 +114,7 @@ def heater_sheet(
     sheet["resistance"] = resistor.resistance
     for phase in ("pi", "fsr"):
         power = sheet[f"{phase}_power"]
-        hot = resistor.resistance * (1 + resistor.tcr * self_heating * power)
-        checks.positive(f"resistance of {heater!r} at the power of {phase}", hot, unit="ohm")
+        hot = resistor.at(self_heating * power, heater)
         sheet[f"{phase}_voltage"] = sqrt(power * hot)
         sheet[f"{phase}_current"] = sqrt(power / hot)
     return sheet

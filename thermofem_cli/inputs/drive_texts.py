@@ -71,14 +71,14 @@ def times_of(texts: list[str] | None) -> tuple[float, ...]:
     return tuple(sorted(times))
 
 
-def begins_with(option: str, text: str) -> str:
-    """Return "detuning" where a text begins with a frequency, "power" where it begins with a power."""
+def amount_of(option: str, text: str, *units: str) -> tuple[str, float]:
+    """Return the unit of the amount with which a drive begins, one of ``units``, and that amount in SI."""
     amount = split_drive(text)[0]
-    with contextlib.suppress(InputError):
-        quantity.parse(amount, "Hz", name=option)
-        return "detuning"
-    quantity.parse(amount, "W", name=option)
-    return "power"
+    *others, last = units
+    for unit in others:
+        with contextlib.suppress(InputError):
+            return unit, quantity.parse(amount, unit, name=option)
+    return last, quantity.parse(amount, last, name=option)
 
 
 def split_drive(text: str) -> tuple[str, str, str]:

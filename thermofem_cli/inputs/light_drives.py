@@ -14,8 +14,9 @@ from coupled.maps.hopf_plane import Window
 from thermofem import InputError, checks
 from thermofem.data import quantity
 
-from .drive_texts import RANGE, begins_with, reading, varying
+from .drive_texts import RANGE, amount_of, reading, varying
 
+LASER_INPUTS = {"Hz": "detuning", "W": "power"}
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 
 
@@ -73,13 +74,14 @@ def light(
     if sweep is not None:
         with reading(f"--sweep = {sweep!r}", "two quantities or more, such as '20 GHz, -40 GHz'"):
             first, second, *others = sweep.split(",")
-        swept = begins_with("--sweep", first.strip())
-        unit = "Hz" if swept == "detuning" else "W"
+        unit, _ = amount_of("--sweep", first, *LASER_INPUTS)
         values = [quantity.parse(part.strip(), unit, name="--sweep") for part in (first, second, *others)]
-        found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
+        times = np.linspace(0.0, duration, len(values))
+        found[LASER_INPUTS[unit]] = coupled.Sweep(times, values)
     for text in modulate or []:
-        name = begins_with("--modulate", text)
-        added = varying("--modulate", text, "Hz" if name == "detuning" else "W", duration)
+        unit, _ = amount_of("--modulate", text, *LASER_INPUTS)
+        name = LASER_INPUTS[unit]
+        added = varying("--modulate", text, unit, duration)
         found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
     return found
 

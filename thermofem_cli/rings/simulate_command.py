@@ -47,13 +47,14 @@ def simulate(
     from thermofem.data import quantity
 
     from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
-    from ..inputs.drive_texts import begins_with, reading
+    from ..inputs.drive_texts import amount_of, reading
     from ..inputs.heater_drives import heater_powers
-    from ..inputs.light_drives import lasers, light
+    from ..inputs.light_drives import LASER_INPUTS, lasers, light
 
     check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
-        swept = begins_with("--sweep", sweep.split(",")[0].strip())
+        unit, _ = amount_of("--sweep", sweep.split(",")[0], *LASER_INPUTS)
+        swept = LASER_INPUTS[unit]
         options.unused(context, f"has no effect with a --sweep of the {swept}", swept)
     length = quantity.positive(duration, "s", name="--duration")
     powers = heater_powers(heater, length)
