@@ -255,7 +255,7 @@ class ConstantHeating(NamedTuple):
     rise: float
     rest: Rest
     """The same with all inputs and outputs, and the powers."""
-    doubts: dict[str, Any] = {}
+    doubts: dict[str, Any]
     """What `check_model` says about the model."""
 
     def turned(self, ring: RingResonator) -> float:
@@ -293,7 +293,7 @@ def constant(
     for name, transfer in selected.transfers.items():
         gains[name] = transfer.thermal_resistance
     rise = sum(gains[name] * power for name, power in rest.sources.items())
-    return ConstantHeating(selected.model, float(rise), rest)
+    return ConstantHeating(selected.model, float(rise), rest, doubts={})
 
 
 def warmed(
