@@ -24,7 +24,7 @@ from thermofem.piecewise import interpolated
 from .circuit.circuit import Circuit
 from .circuit.network import ring_heat
 from .heaters import AMBIENT, Poles, channels, heating
-from .inputs import Pieces, add, joint, pieces
+from .inputs import Pieces, add, joint, largest, pieces
 from .resistive_heaters import ResistiveHeater, ThermalInput, at_rest, read_heaters
 from .states import final_state, starting_point
 from .thermal import attributes
@@ -233,13 +233,12 @@ def _of_circuit(
 
 def difference(some: Mapping[str, Pieces], others: Mapping[str, Pieces]) -> float:
     """Largest difference of powers in the middles of their pieces, relative to the largest value of each."""
-    largest = 0.0
+    changes = [0.0]
     for name, power in some.items():
-        inner = (power.edges[1:] + power.edges[:-1]) / 2
-        scale = max(float(np.abs(power.coefficients[:, 0]).max()), float(np.abs(power.ends).max()))
-        change = float(np.abs(power(inner) - others[name](inner)).max())
-        largest = max(largest, change / (scale or 1.0))
-    return largest
+        middles = (power.edges[1:] + power.edges[:-1]) / 2
+        change = np.abs(power(middles) - others[name](middles)).max()
+        changes.append(float(change) / largest(power))
+    return max(changes)
 
 
 def _square(heater: ResistiveHeater, duration: float) -> Pieces:

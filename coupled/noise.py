@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 from scipy.constants import Boltzmann
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from thermofem import checks
 from thermofem.arrays import Array
@@ -175,15 +177,11 @@ def thermorefractive(
     rng = np.random.default_rng([checks.seed(seed), HEAT, 1])
     for variance, lifetime in zip(unit * R[slow] / tau[slow], tau[slow], strict=True):
         rise = rise + np.sqrt(variance) * _ornstein_uhlenbeck(rng, times, lifetime)
-    from scipy.interpolate import CubicSpline
-
     return PiecewiseCubic.of_spline(CubicSpline(times, ring.thermal_shift / (2 * np.pi) * rise))
 
 
 def _ornstein_uhlenbeck(rng: np.random.Generator, times: Array, lifetime: float) -> Array:
     """Stationary samples of unit variance at evenly spaced times, with the correlation exp(-t/lifetime)."""
-    from scipy.signal import lfilter
-
     kept = np.exp(-(times[1] - times[0]) / lifetime)
     kicks = rng.normal(size=times.size) * np.sqrt(1 - kept**2)
     kicks[0] = rng.normal()
@@ -222,6 +220,4 @@ def _coloured(
 
 def _wave(times: Array, values: Array) -> Any:
     """Periodic cubic spline through samples as a waveform."""
-    from scipy.interpolate import CubicSpline
-
     return PiecewiseCubic.of_spline(CubicSpline(times, values, bc_type="periodic"))

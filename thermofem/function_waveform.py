@@ -131,93 +131,71 @@ class Function(Waveform, stored=False):
 def fitted(function: Function, marks: Array, tolerance: float) -> Pieces:
     """Piecewise cubic within ``tolerance`` of the largest value of a `Function` at all checked times.
 
-    Each stretch between two marks is halved until the cubic through four points of a cell agrees with the function at
-    every checked time in it. The checked times lie in 2^13 cells a stretch (or as many as ``time_scale`` needs), so a
-    feature narrower than 1e-4 of the stretch may be missed unless a breakpoint or a time scale names it.
+    Each cell, at first a stretch between two marks, is halved until the cubic through four points of it agrees with the
+    function at every checked time in it. The checked times lie in 2^13 cells a stretch (or as many as ``time_scale``
+    needs), so a feature narrower than 1e-4 of the stretch may be missed unless a breakpoint or a time scale names it.
 
     marks [shape (m + 1,), s]: start, breakpoints, stop.
     Raises InputError: more than 200 000 pieces are needed.
     """
-    levels = _levels(function, marks)
-    stretches = list(zip(marks[:-1].tolist(), marks[1:].tolist(), levels, strict=True))
-    samples = [_samples(function, a, b, 2**level) for a, b, level in stretches]
-    peak = max(float(np.abs(values).max()) for _, values in samples)
-    allowed = max(tolerance * peak, np.finfo(float).tiny)
-    edges = []
-    coefficients = []
-    for stretch, checked in zip(stretches, samples, strict=True):
-        begins, cubics = _stretch(function, *stretch, checked, allowed)
-        edges.append(begins)
-        coefficients.append(cubics)
-    return Pieces(np.concatenate([*edges, marks[-1:]]), np.concatenate(coefficients))
+    times = _checked_times(marks, function.time_scale)
+    samples = function(times)
+    allowed = max(tolerance * float(np.abs(samples).max()), np.finfo(float).tiny)
+    begin = marks[:-1]
+    end = marks[1:]
+    shortest = SHORTEST * np.diff(marks)
+    edges: list[Array] = []
+    coefficients: list[Array] = []
+    while begin.size:
+        h = end - begin
+        values = function(begin[:, None] + h[:, None] * NODES)
+        values[:, -1] = function.before(end)
+        scaled = values @ TO_COEFFICIENTS  # of (t - begin)/h
+        inside_cells = begin[:, None] + h[:, None] * CHECKED
+        times = np.append(times, inside_cells)
+        samples = np.append(samples, function(inside_cells))
+        cell = np.searchsorted(begin, times, side="right") - 1
+        u = (times - begin[cell]) / h[cell]
+        error = np.abs(polyval(u, scaled[cell].T, tensor=False) - samples)
+        bad = np.zeros(begin.size, dtype=bool)
+        bad[cell[error > allowed]] = True
+        jump = bad & (h <= shortest)  # constant up to the end of the cell, where a cubic would overshoot
+        scaled[jump] = values[jump, :1] * [1.0, 0.0, 0.0, 0.0]
+        bad &= ~jump
+        edges.append(begin[~bad])
+        coefficients.append(scaled[~bad] / h[~bad, None] ** np.arange(4))
+        pieces = sum(part.size for part in edges) + 2 * bad.sum()
+        if pieces > MOST_PIECES:
+            raise InputError(
+                f"the Function needs more than {MOST_PIECES} cubics between {marks[0]:g} and {marks[-1]:g} s",
+                "is it noise? give samples of it (th.Sampled), or breakpoints where it jumps",
+            )
+        times = times[bad[cell]]
+        samples = samples[bad[cell]]
+        middle = begin[bad] + h[bad] / 2
+        begin = np.column_stack([begin[bad], middle]).ravel()
+        end = np.column_stack([middle, end[bad]]).ravel()
+        shortest = np.repeat(shortest[bad], 2)
+    starts = np.concatenate(edges)
+    order = np.argsort(starts)
+    return Pieces(np.append(starts[order], marks[-1]), np.concatenate(coefficients)[order])
 
 
-def _levels(function: Function, marks: Array) -> list[int]:
-    """For each stretch, how often it is halved down to the smallest cells that are checked."""
+def _checked_times(marks: Array, time_scale: float | None) -> Array:
+    """Times in the smallest cells that are checked: stretches between ``marks``, halved equally often or as needed."""
     lengths = np.diff(marks)
     # 13: a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
     # 2**17: cells of all stretches together
     shared = int(np.clip(np.log2(2**17 / lengths.size), 6, 13))  # 6: where there are many stretches
-    if function.time_scale is None:
-        return [shared] * lengths.size
-    # 22: 4 million cells take a second
-    hint = "give breakpoints around the short features instead"
-    checks.between("time_scale", function.time_scale, lengths.max() / 2**22, np.inf, unit="s", hint=hint)
-    asked = np.ceil(np.log2(lengths / function.time_scale))
-    return np.maximum(asked, shared).astype(int).tolist()
-
-
-def _samples(function: Function, a: float, b: float, cells: int) -> tuple[Array, Array]:
-    """Sorted checked times in all cells of [a, b], and the function's values there."""
-    share = (np.arange(cells)[:, None] + CHECKED) / cells
-    times = a + (b - a) * share.ravel()
-    return times, function(times)
-
-
-def _stretch(
-    function: Function, a: float, b: float, level: int, samples: tuple[Array, Array], allowed: float
-) -> tuple[Array, Array]:
-    """Edges (all but the last) and coefficients of the cubics over [a, b], which has no breakpoints inside."""
-    begin = np.array([a])
-    length = b - a
-    depth = 0
-    done: list[Array] = []
-    coefficients: list[Array] = []
-    while begin.size:
-        size = length / 2**depth
-        end = np.minimum(begin + size, b)
-        h = (end - begin)[:, None]
-        t0 = begin[:, None]
-        values = function(t0 + h * NODES)
-        values[:, -1] = function.before(end)
-        scaled = values @ TO_COEFFICIENTS
-        if depth < level:
-            count = CHECKED.size * 2 ** (level - depth)  # checked times in each cell
-            cell = np.rint((begin - a) / size)[:, None]
-            index = (cell * count + np.arange(count)).astype(np.intp)
-            times = samples[0][index]
-            checked = samples[1][index]
-        else:
-            times = t0 + h * CHECKED
-            checked = function(times)
-        cubics = polyval((times - t0) / h, scaled.T[:, :, None], tensor=False)
-        error = np.abs(cubics - checked)
-        bad = np.any(error > allowed, axis=1)
-        if size <= SHORTEST * length:  # a jump: constant up to the end of the cell, where a cubic would overshoot
-            scaled[bad] = values[bad, :1] * [1.0, 0.0, 0.0, 0.0]
-            bad[:] = False
-        good = ~bad
-        done.append(begin[good])
-        coefficients.append(scaled[good] / h[good] ** np.arange(4))
-        pieces = sum(edges.size for edges in done) + 2 * bad.sum()
-        if pieces > MOST_PIECES:
-            raise InputError(
-                f"the Function needs more than {MOST_PIECES} cubics between {a:g} and {b:g} s",
-                "is it noise? give samples of it (th.Sampled), or breakpoints where it jumps",
-            )
-        halved = begin[bad]
-        begin = np.sort(np.concatenate([halved, halved + size / 2]))
-        depth += 1
-    edges = np.concatenate(done)
-    order = np.argsort(edges)
-    return edges[order], np.concatenate(coefficients)[order]
+    levels = np.full(lengths.size, shared)
+    if time_scale is not None:
+        # 22: 4 million cells take a second
+        hint = "give breakpoints around the short features instead"
+        checks.between("time_scale", time_scale, lengths.max() / 2**22, np.inf, unit="s", hint=hint)
+        asked = np.ceil(np.log2(lengths / time_scale))
+        levels = np.maximum(asked, shared).astype(int)
+    times = []
+    for start, length, cells in zip(marks, lengths, 2**levels, strict=False):
+        share = (np.arange(cells)[:, None] + CHECKED) / cells
+        times.append(start + length * share.ravel())
+    return np.concatenate(times)

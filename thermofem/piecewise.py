@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import PPoly
 
 from .arrays import Array, ArrayLike
@@ -55,13 +54,8 @@ class Pieces(PPoly):
         return c.shape[1] == 1 and not c[:-1].any()
 
     def before(self, t: ArrayLike) -> Array:
-        """Limit from the left at ``t``; a call gives the one from the right."""
-        times = np.asarray(t, dtype=float)
-        k = np.searchsorted(self.edges[1:-1], times)
-        rising = self.c[::-1, k]
-        u = times - self.edges[k]
-        functions = rising.ndim - 1 - u.ndim
-        return np.asarray(polyval(u.reshape(u.shape + (1,) * functions), rising, tensor=False))
+        """Limit from the left at ``t``, up to the slope times round-off of ``t``; a call gives that from the right."""
+        return np.asarray(self(np.nextafter(t, -np.inf)))
 
     def on(self, edges: Array) -> Pieces:
         """The same cubics on finer ``edges``, which include all present edges in their range."""

@@ -10,7 +10,7 @@ import functools
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.constants import c
@@ -53,26 +53,6 @@ class GuidedMode(NamedTuple):
         return self.name == other.name and change < SAME_WAVELENGTH
 
 
-class ReadsTemperature(Protocol):
-    """What a ring states about itself: `coupled.RingResonator` has it."""
-
-    @property
-    def name(self) -> str:
-        """Label for messages."""
-
-    @property
-    def frequency(self) -> float:
-        """Cold resonance in Hz."""
-
-    @property
-    def read(self) -> str:
-        """The temperature that goes with its dn/dT, "core" or "light"."""
-
-    @property
-    def mode(self) -> GuidedMode | None:
-        """The mode whose temperature is "light"; None where it is not known."""
-
-
 class Ratio(NamedTuple):
     """Smallest and largest ratio of two step responses from 1 ns on."""
 
@@ -99,7 +79,7 @@ def detuning_output(wanted: str, heated: str, outputs: tuple[str, ...]) -> str:
 
 
 def check_read(
-    ring: ReadsTemperature,
+    ring: Any,
     geometry: str,
     heated: str,
     read: str,
@@ -111,7 +91,8 @@ def check_read(
 
     Parameters
     ----------
-    ring : ReadsTemperature
+    ring : RingResonator of coupled
+        its name, cold resonance (``frequency``), ``read`` and ``mode``.
     geometry : str
         text of the geometry of the model; "" where it is not known.
     heated, read : str

@@ -15,7 +15,7 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..heaters import warmed
-from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, summary
+from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, moved_minimum, summary
 from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
@@ -231,7 +231,7 @@ def _spread(
     for held_name, value in held_values.items():
         is_frequency = held_name == FREQUENCY
         scale = search.linewidth if is_frequency else value
-        moves = _moved(search, end, held_name, value, HELD_STEP * scale, V[visible], size[visible])
+        moves = _moved(search, end, held_name, value, HELD_STEP * scale, V[visible])
         variance = variance + (moves * held.get(held_name, 0.0) / scale) ** 2
         for name, slope in zip(names, moves, strict=True):
             if not is_frequency:
@@ -244,15 +244,14 @@ def _spread(
     return Spread(relative, sensitivities)
 
 
-def _moved(search: Search, end: End, name: str, value: float, step: float, V: Array, size: Array) -> Array:
+def _moved(search: Search, end: End, name: str, value: float, step: float, V: Array) -> Array:
     """Derivative of all parameters (logarithms) by a held number in units of ``step``/`HELD_STEP`, at the minimum.
 
-    V, size: right singular vectors and singular values of the Jacobian that the sweeps determine.
+    V: right singular vectors of the Jacobian along which the sweeps determine the parameters, as rows.
     """
     changed = search.with_held(name, value + step)
     change = (changed.residuals(end.x) - end.r) / HELD_STEP
-    along = (end.J @ V.T / size).T @ change
-    x_slope = -V.T @ (along / size)
+    x_slope = V.T @ moved_minimum(end.J @ V.T, change)
     moved_x = end.x + HELD_STEP * x_slope
     derived_slope = (_derived(changed, moved_x) - _derived(search, end.x)) / HELD_STEP
     return np.concatenate([x_slope[: len(search.names)], derived_slope])

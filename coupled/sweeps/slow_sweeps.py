@@ -82,28 +82,28 @@ class Sweep(NamedTuple):
         decibels = 10 * np.log10(np.maximum(T, 1e-12 * T.max()))
         return decibels if relative else decibels + DBM_OF_WATT
 
-    def baseline_terms(self, x: Array, output: Array) -> Array:
-        """Terms of the baseline at points (x, output) of a curve, each times its assumed deviation; (terms, points)."""
-        if self.power is None:
-            return np.empty((0, x.size))
-        middle = (self.x.max() + self.x.min()) / 2
-        half = max(float(np.ptp(self.x)) / 2, self.step)
-        xi = (x - middle) / half
-        if self.decibels:
-            tilt = TILT_DB * xi
-            return np.array([np.full(x.size, LEVEL_DB), tilt] if self.free_level else [tilt])
-        level = output if self.free_level else np.full(x.size, np.ptp(self.y))
-        return np.array([OFFSET * level, TILT * xi * output])
-
     @property
     def baseline_scales(self) -> Array:
-        """Deviations by which the coefficients of `baseline_terms` are multiplied to give a and b in units of y."""
+        """Assumed deviations of the terms of the baseline, those of a and b in units of y; (terms,)."""
         if self.power is None:
             return np.empty(0)
         if self.decibels:
             return np.array([LEVEL_DB, TILT_DB] if self.free_level else [TILT_DB])
-        scale = 1.0 if self.free_level else float(np.ptp(self.y))
-        return np.array([OFFSET * scale, TILT])
+        level = 1.0 if self.free_level else float(np.ptp(self.y))
+        return np.array([OFFSET * level, TILT])
+
+    def baseline_terms(self, x: Array, output: Array) -> Array:
+        """Terms of the baseline at points (x, output) of a curve, each times its assumed deviation; (terms, points)."""
+        scales = self.baseline_scales
+        middle = (self.x.max() + self.x.min()) / 2
+        half = max(float(np.ptp(self.x)) / 2, self.step)
+        tilt = (x - middle) / half
+        level = np.ones(x.size)
+        if not self.decibels:
+            tilt = tilt * output
+            level = output if self.free_level else level
+        terms = np.array([level, tilt])[2 - scales.size :]
+        return scales[:, None] * terms
 
 
 def read_sweep(name: str, given: xr.Dataset, ring: RingResonator, noise: float | None = None) -> Sweep:

@@ -10,6 +10,7 @@ import contextlib
 import math
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,24 +105,24 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
         value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
         if not word:
             return float(value)
-        if word == "pulse":
-            start = quantity.not_negative(second or "0 s", "s", name=option)
-            length = quantity.positive(first, "s", name=option)
-            if start >= duration:
-                raise InputError(f"{option} = {text!r} begins after the run of {quantity.write(duration, 's')}")
-            if unit == "W":
-                return th.Pulse(value, length, start)
-            edges = [start, start + length] if start else [length]
-            return th.Function(lambda t: value * ((t >= start) & (t < start + length)), edges)
         if word == "sine":
             rate = quantity.positive(rest, "Hz", name=option)
             wave: Any = th.Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate)
         else:
-            period = quantity.positive(first, "s", name=option)
-            share = checks.between("duty", float(second or 0.5), 1e-6, 1 - 1e-6, hint="the share that is on")
-            on = share * period
-            wave = th.Function(lambda t: value * ((t >= 0) & (t < on)), [on], period=period)
-            wave = th.SquareWave(value, period, share) if unit == "W" else wave
+            length = quantity.positive(first, "s", name=option)
+            if word == "square":
+                wave = th.SquareWave(1.0, length, float(second or 0.5))
+            else:
+                start = quantity.not_negative(second or "0 s", "s", name=option)
+                if start >= duration:
+                    raise InputError(f"{option} = {text!r} begins after the run of {quantity.write(duration, 's')}")
+                wave = th.Pulse(1.0, length, start)
+            if unit == "W":
+                wave = replace(wave, power=value)
+            else:
+                edges = wave.whole.edges
+                coefficients = value * wave.whole.coefficients
+                wave = th.waveforms.PiecewiseCubic(edges, coefficients, repeat=word == "square")
         if duration < math.inf:
             wave.breakpoints(0.0, duration)  # refuses too many
         return wave
