@@ -23,7 +23,7 @@ from thermofem.piecewise import interpolated
 
 from .circuit.circuit import Circuit
 from .circuit.network import ring_heat
-from .heaters import AMBIENT, Poles, channels, heating
+from .heaters import AMBIENT, LongOn, Poles, channels, heating
 from .inputs import Pieces, add, joint, largest, pieces
 from .resistive_heaters import ResistiveHeater, ThermalInput, at_rest, read_heaters
 from .states import final_state, starting_point
@@ -107,7 +107,7 @@ class HeaterLoop:
         inputs: dict[str, Any] = {}
         for name, power in watts.items():
             rest = self.feedback.rest.get(name, 0.0)
-            inputs[name] = [rest, add([power, Pieces.constant(0.0, self.duration, -rest)])]
+            inputs[name] = LongOn([rest, add([power, Pieces.constant(0.0, self.duration, -rest)])])
             if power.steady:
                 inputs[name] = float(power(0.0))
         return inputs

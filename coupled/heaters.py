@@ -146,7 +146,7 @@ def heating(
 
     heaters [mapping of name to number, waveform, or list of them, which add; W]
     before [J]: states of all heaters at t = 0, concatenated; heaters that are not given cool down from there. None: a
-        number, also in a list, is a power that was constant for all t < 0, any other input is 0 for t < 0.
+        number, or the first of `LongOn`, is a power that was constant for all t < 0, any other input is 0 for t < 0.
     """
     given = checks.mapping("heaters", heaters, hint="give powers by the inputs' names, {'heater 1': 1e-3}")
     for name in given.keys() - {AMBIENT}:
@@ -154,30 +154,31 @@ def heating(
         checks.choice("a name in heaters", name, poles, hint=hint)
     powers = {name: ThermalInput.of(name, power).in_time(duration) for name, power in given.items()}
     dark = Pieces.constant(0.0, duration, 0.0)
-    stops = np.cumsum([0, *(each.rate.size for each in poles.values())])
-    started = np.zeros(stops[-1]) if before is None else before
-    checks.shape("initial.attrs['heater_states'] for the heaters of this model", started, (stops[-1],))
-    begin = [started[i:j] for i, j in pairwise(stops)]
+    begin = [_long_on(given.get(name, 0.0)) / each.rate for name, each in poles.items()]
+    if before is not None:
+        stops = np.cumsum([0, *(each.rate.size for each in poles.values())])
+        checks.shape("initial.attrs['heater_states'] for the heaters of this model", before, (stops[-1],))
+        begin = [before[i:j] for i, j in pairwise(stops)]
     every = [[dark] * rings]
-    for k, (name, (rate, gain)) in enumerate(poles.items()):
-        value = given.get(name, 0.0)
-        settled = _long_on(value) / rate
-        if before is None:
-            begin[k] = settled
-        if hasattr(value, "__float__") and np.allclose(begin[k], settled, rtol=1e-12, atol=0):
-            every.append([Pieces.constant(0.0, duration, rise) for rise in gain @ settled])
+    for (name, (rate, gain)), x in zip(poles.items(), begin, strict=True):
+        power = powers.get(name, dark)
+        if power.steady and np.allclose(x, power(0.0) / rate, rtol=1e-12, atol=0):
+            every.append([Pieces.constant(0.0, duration, rise) for rise in gain @ x])
         else:
-            every.append(rises(rate, gain, powers.get(name, dark), rtol, begin[k]))
+            every.append(rises(rate, gain, power, rtol, x))
     if AMBIENT in powers and AMBIENT not in poles:
         every.append([powers[AMBIENT]] * rings)
     return Heating(powers, [add([*parts]) for parts in zip(*every, strict=True)], poles, begin)
 
 
+class LongOn(list[Any]):
+    """A list of inputs, which add; its first one, a number, was there before t = 0."""
+
+
 def _long_on(value: Any) -> float:
-    """The part of an input that was there before t = 0 where nothing else is known: a number, also in a list."""
-    if isinstance(value, list | tuple):
-        return sum(map(_long_on, value))
-    return float(value) if hasattr(value, "__float__") else 0.0
+    """The part of an input that was there before t = 0 where nothing else is known: a number."""
+    constant = value[0] if isinstance(value, LongOn) else value
+    return float(constant) if hasattr(constant, "__float__") else 0.0
 
 
 def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:

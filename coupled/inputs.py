@@ -16,7 +16,7 @@ from scipy.interpolate import PPoly
 from thermofem import InputError, checks
 from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.piecewise import Pieces as Pieces, bounds
-from thermofem.waveforms import Samples, Waveform
+from thermofem.waveforms import Samples, Waveform, covering
 
 from .kernel.problem_parts import Drive, Polynomials
 from .kernel.units import NS, UW
@@ -66,7 +66,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     if isinstance(value, list | tuple):
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
     if isinstance(value, Pieces):
-        return _window(name, value, start, stop)
+        return covering(name, value, start, stop).window(start, stop)
     if hasattr(value, "c") and hasattr(value, "x"):
         # coefficients of a BPoly are those of Bernstein polynomials
         if not isinstance(value, PPoly) or np.ndim(value.c) != 2 or len(value.c) > DEGREE + 1:
@@ -75,7 +75,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
         c = checks.numbers(f"{name}: coefficients", value.c)
         padded = np.pad(c, ((DEGREE + 1 - len(c), 0), (0, 0)))
         edges = np.asarray(value.x, dtype=float)
-        return _window(name, Pieces.construct_fast(padded, edges), start, stop)
+        return covering(name, Pieces.construct_fast(padded, edges), start, stop).window(start, stop)
     if isinstance(value, Waveform):
         return value.pieces(start, stop)
     return Pieces.constant(start, stop, checks.finite(name, value))
@@ -99,15 +99,6 @@ def joint(*parts: Pieces) -> Array:
     tolerance = 4e-16 * np.abs(edges[[0, -1]]).max()
     keep = np.concatenate([[True], np.diff(edges) > tolerance])
     return np.append(edges[keep][:-1], edges[-1]) if keep.sum() > 1 else edges
-
-
-def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
-    """Restrict a piecewise cubic to [start, stop] in s; InputError if it does not cover that interval."""
-    edges = function.edges
-    slack = 1e-9 * (stop - start)
-    if start < edges[0] - slack or stop > edges[-1] + slack:
-        raise InputError(f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s")
-    return function.window(start, stop)
 
 
 class Lights(NamedTuple):
@@ -140,8 +131,6 @@ class Lights(NamedTuple):
     def amplitudes(self, times: Array) -> Complex:
         """Complex amplitudes of the lasers in their frames, sqrt(W), at n times in s; shape (L, n)."""
         sizes = np.sqrt([np.maximum(power(times), 0) for power in self.powers])
-        if not self.drive.phase.coefficients.any():
-            return sizes + 0j
         phases = values(self.drive.phase, times)
         return sizes * np.exp(1j * phases)
 
@@ -205,9 +194,6 @@ def values(functions: Polynomials, times: Array) -> Array:
 
 def integral(rates: Polynomials) -> Polynomials:
     """Antiderivatives of piecewise polynomials, zero at the first edge."""
-    if not rates.coefficients.any():  # of a laser alone in its frame
-        *shape, terms = rates.coefficients.shape
-        return Polynomials(rates.edges, np.zeros((*shape, terms + 1)))
     sums = Pieces(*rates).antiderivative()
     return Polynomials(rates.edges, np.moveaxis(sums.c[::-1], 0, -1))
 
@@ -282,13 +268,15 @@ def check_axis(name: str, values: ArrayLike) -> Array:
 
 def power_in_time(power: Any, duration: float, name: str = "power", most: float = 1.0, hint: str = WATT) -> Any:
     """Return a constant power (W) as a float, a function of time as `Pieces`; InputError outside 0 to ``most`` W."""
-    found = None if _is_number(power) else pieces(name, power, 0.0, float(duration))
-    low, high = (power, power) if found is None else bounds(found)
+    if _is_number(power):
+        return checks.between(name, power, 0, most, unit="W", hint=hint)
+    found = pieces(name, power, 0.0, float(duration))
+    low, high = bounds(found)
     # a cubic fit of a function may undershoot zero by this share of the largest power
-    if found is not None and -1e-7 * high <= low < 0:
-        low = 0.0
-    values = [checks.between(name, value, 0, most, unit="W", hint=hint) for value in (low, high)]
-    return values[0] if found is None else found
+    least = low if low < -1e-7 * high else 0.0
+    for value in (least, high):
+        checks.between(name, value, 0, most, unit="W", hint=hint)
+    return found
 
 
 def detuning_in_time(detuning: Any, duration: float) -> Any:
@@ -296,8 +284,7 @@ def detuning_in_time(detuning: Any, duration: float) -> Any:
     if _is_number(detuning):
         return check_detuning(detuning)
     found = pieces("detuning", detuning, 0.0, float(duration))
-    for nu in sorted(bounds(found), key=abs, reverse=True)[:1]:
-        check_detuning(nu)
+    check_detuning(max(bounds(found), key=abs))
     return found
 
 

@@ -28,7 +28,7 @@ from scipy.signal import lfilter
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.fluctuations import TAKEN, port_of
+from thermofem.fluctuations import TAKEN, port_of, real_impedance
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
@@ -167,12 +167,13 @@ def thermorefractive(
     tau = np.asarray(poles.tau)
     unit = Boltzmann * temperature**2
 
-    def fast(f: Array) -> Array:
-        return (4 * unit * R / (1 + (2 * np.pi * f[:, None] * tau) ** 2))[:, ~slow].sum(axis=1)
-
     length = 1 / (OVERSAMPLED * bandwidth) if bandwidth else np.inf
     # with four samples in a time constant, folding adds (1/4)^2/12 to the static density of a pole, 0.5 %
     slow = tau > 4.0 * length
+
+    def fast(f: Array) -> Array:
+        return 4 * unit * real_impedance(R[~slow], tau[~slow], f)
+
     times, rise = _coloured(fast, bandwidth, duration, seed, HEAT)
     rng = np.random.default_rng([checks.seed(seed), HEAT, 1])
     for variance, lifetime in zip(unit * R[slow] / tau[slow], tau[slow], strict=True):

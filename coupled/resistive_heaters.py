@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.linalg import eig
+from scipy.sparse import csc_matrix
 
 from thermofem import CrossSection, StateSpace, checks
 from thermofem.arrays import Array
@@ -216,12 +217,10 @@ def _balanced(
     """Set the powers (W) of heaters with a tcr to those at rest; returns the model around it and its sources."""
     system = read_heaters(model, heaters)
     names = [heater.name for heater in heaters]
+    columns = [system.inputs.index(name) for name in names]
     rows = [system.outputs.index(name) for name in names]
-    gain = dict(zip(system.inputs, system.gain[rows].T, strict=True))
-    across = np.column_stack([gain[name] for name in names])
-    at_once = 0.0 if AMBIENT in gain else powers.get(AMBIENT, 0.0)
-    others = [name for name in powers if name in gain and name not in names]
-    by_others = sum(gain[name] * powers[name] for name in others)
+    gain = system.gain[rows]
+    at_once = 0.0 if AMBIENT in system.inputs else powers.get(AMBIENT, 0.0)
     rise = np.zeros(len(heaters))
     slope = np.zeros(len(heaters))
     for _ in range(MOST_ITERATIONS):
@@ -229,14 +228,12 @@ def _balanced(
             hot = rise[k] + at_once
             powers[heater.name] = float(heater.power(squares[heater.name], hot))
             slope[k] = heater.slope(powers[heater.name], hot)
-        watts = np.array([powers[name] for name in names])
-        residual = by_others + across @ watts - rise
-        step = np.linalg.solve(np.eye(rise.size) - across * slope, residual)
+        watts = np.array([powers.get(name, 0.0) for name in system.inputs])
+        step = np.linalg.solve(np.eye(rise.size) - gain[:, columns] * slope, gain @ watts - rise)
         rise = rise + step
         if np.abs(step).max() <= DIGITS * max(1.0, np.abs(rise).max()):
-            B = system.B[:, [system.inputs.index(name) for name in names]]
-            sources = dict(zip(names, watts - slope * rise, strict=True))
-            return _fed_back(system, B * slope, system.C[rows]), {**powers, **sources}
+            sources = dict(zip(names, watts[columns] - slope * rise, strict=True))
+            return _fed_back(system, system.B[:, columns] * slope, system.C[rows]), {**powers, **sources}
     raise checks.InputError(f"heaters {', '.join(names)}: no steady temperature is found", "give a smaller drive")
 
 
@@ -249,20 +246,16 @@ def _fed_back(system: StateSpace, B: Array, C: Array) -> StateSpace:
     A = system.A + B @ C
     if np.allclose(A, A.T, rtol=1e-9, atol=1e-12 * np.abs(A).max()):
         return replace(system, A=A)
-    E = system.E.toarray() if issparse(system.E) else system.E
-    driving = B != 0
     numbers = np.arange(1, len(C) + 1)
-    pace = 1 + APART * (driving @ numbers)[:, None]
-    flow = pace * np.linalg.solve(E, A)
-    inflow = pace * np.linalg.solve(E, system.B)
-    rates, modes = np.linalg.eig(flow)
+    pace = 1 + APART * ((B != 0) @ numbers)[:, None]
+    E = system.E / pace
+    rates, modes = eig(A, E)
     turning = np.abs(rates.imag / rates).max()
     hint = "drive all heaters alike, by voltages or by currents"
     checks.between("frequency of a thermal mode with heaters", turning, 0, DIGITS, hint=hint)
     modes = modes.real
-    inputs = np.linalg.solve(modes, inflow)
-    outputs = system.C @ modes
-    return replace(system, E=np.eye(rates.size), A=np.diag(rates.real), B=inputs, C=outputs)
+    inputs = np.linalg.solve(E @ modes, system.B)
+    return replace(system, E=np.eye(rates.size), A=np.diag(rates.real), B=inputs, C=system.C @ modes)
 
 
 def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
@@ -274,4 +267,4 @@ def read_heaters(model: Any, heaters: list[ResistiveHeater]) -> StateSpace:
             rule = f"the thermal model does not read {heater.name!r}, whose temperature changes its resistance"
             raise checks.InputError(rule, f"give {READ_TOO}, or tcr = 0")
     check_order(system.order, MOST_POLES)
-    return replace(system, A=system.A.toarray()) if issparse(system.A) else system
+    return replace(system, E=csc_matrix(system.E).toarray(), A=csc_matrix(system.A).toarray())

@@ -103,11 +103,15 @@ def thermal_noise(heat: Any, frequencies: ArrayLike, read: str = LIGHT, temperat
     return _described(spectrum, f, T, read)
 
 
+def real_impedance(R: Array, tau: Array, frequency: Array) -> Array:
+    """Re Z = sum_k R_k/(1 + (2 pi f tau_k)^2) of poles (K/W, s) at frequencies (Hz)."""
+    phase = 2 * np.pi * np.multiply.outer(frequency, tau)
+    return (R / (1 + phase**2)).sum(axis=-1)
+
+
 def one_pole(frequency: Array, static: float, variance: float) -> Array:
     """S_T (K^2/Hz) of one pole with the same static density (K^2/Hz) and variance (K^2), tau = static/(4 variance)."""
-    tau = static / (4 * variance)
-    phase = 2 * np.pi * frequency * tau
-    return static / (1 + phase**2)
+    return real_impedance(np.array([static]), np.array([static / (4 * variance)]), frequency)
 
 
 def linewidth(noise: xr.Dataset) -> float:
@@ -197,8 +201,7 @@ def _of_problem(heat: HeatProblem, omega: Array, read: str) -> Spectrum:
 
 def _of_poles(port: Foster, omega: Array, error: float) -> Spectrum:
     """Spectrum of a network; ``error`` is relative to the static value."""
-    phase = omega[:, None] * port.tau
-    real = (port.R / (1 + phase**2)).sum(axis=1)
+    real = real_impedance(np.asarray(port.R), np.asarray(port.tau), omega / (2 * np.pi))
     bound = np.full(omega.size, error * port.thermal_resistance)
     return Spectrum(real, bound, float(port.gain.sum()), None)
 

@@ -66,17 +66,7 @@ class Waveform:
 
     def _covering(self, start: float, stop: float) -> Pieces:
         """Cubic pieces that cover [start, stop] in s; InputError where the waveform does not reach that far."""
-        whole = self._unrolled(start, stop)
-        first, last = whole.edges[[0, -1]]
-        slack = 1e-9 * (last - first)
-        early = start < first - slack
-        if early or stop > last + slack:
-            unknown = start if early else stop
-            raise InputError(
-                f"{type(self).__name__} asked at t = {unknown:g} s, known from {first:g} to {last:g} s",
-                "give samples that cover the run, or repeat=True",
-            )
-        return whole
+        return covering(type(self).__name__, self._unrolled(start, stop), start, stop)
 
     def _at(self, t: ArrayLike, side: str) -> Array:
         times = np.asarray(t, dtype=float)
@@ -104,6 +94,20 @@ class Waveform:
     def mean(self, start: float, stop: float) -> float:
         """Mean value over [start, stop] in s."""
         return float(self.pieces(start, stop).integrate(start, stop)) / (stop - start)
+
+
+def covering(name: str, whole: Pieces, start: float, stop: float) -> Pieces:
+    """The pieces of an input called ``name``; InputError where they do not cover [start, stop] in s."""
+    first, last = whole.edges[[0, -1]]
+    slack = 1e-9 * (last - first)
+    early = start < first - slack
+    if early or stop > last + slack:
+        unknown = start if early else stop
+        raise InputError(
+            f"{name} is asked at t = {unknown:g} s, known from {first:g} to {last:g} s",
+            "give samples that cover the run, or repeat=True",
+        )
+    return whole
 
 
 def check_time(name: str, value: float, most: float = 10.0) -> None:

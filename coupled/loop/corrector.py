@@ -194,15 +194,6 @@ class FEM:
         C = self.linear.C[0] @ basis.vectors
         return Quadratic(np.diag(-basis.rate), H, G, B, C, (self.heated,), (self.read,))
 
-    def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
-        """Return the rise in K at ``times`` (s), shape (n,), by those heaters that are inputs of ``reduced``."""
-        reduced = reduced or self.basis.reduced(self.linear)
-        rise = np.zeros(np.size(times))
-        for name, wave in self.heaters.items():
-            if name in reduced.inputs:
-                rise = rise + foster(reduced.channel(name, self.read)).response(wave, times)
-        return rise
-
     def summary(self) -> dict[str, Any]:
         """Return the size of the FEM, the numbers of steps, solves and factorizations, and the heat balance in J."""
         stepper = self.field.stepper

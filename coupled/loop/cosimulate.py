@@ -214,9 +214,16 @@ def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Arr
     """Return a function of time (s): the rise in K by the heaters. None without heaters or without the FEM."""
     if not isinstance(corrector, FEM) or not corrector.heaters:
         return None
-    if isinstance(predictor, StateSpace):
-        return lambda times: corrector.background(times, predictor)
-    return corrector.background
+    own = corrector.basis.reduced(corrector.linear)
+    reduced = predictor if isinstance(predictor, StateSpace) else own
+    names = [name for name in corrector.heaters if name in reduced.inputs]
+    channels = {name: reduced.channel(name, corrector.read).dynamics for name in names}
+
+    def rise(times: Array) -> Array:
+        responses = [channel.response(corrector.heaters[name], times) for name, channel in channels.items()]
+        return np.sum(responses, axis=0) + np.zeros(times.size)
+
+    return rise
 
 
 def _dataset(

@@ -91,7 +91,7 @@ def simulate(
         run ends at the first unless ``stop=False``.
     heaters : mapping of name to float, Waveform, or a list of both; W; or to `Volts` or `Amperes`; optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on; for a circuit a
-        number, also in a list, is a power that has been on for long, unless the run continues another (``initial``).
+        number is a power that has been on for long, unless the run continues another (``initial``).
         Under a voltage or a current the resistance follows the temperature of the heater (`coupled.Volts`).
     ambient : float, Waveform, `coupled.Sweep`, or a list of them; K, optional
         temperature of the ambient above that of the geometry, from t = 0 on, as of heaters. A model that has the input
