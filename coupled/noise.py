@@ -215,8 +215,8 @@ def _coloured(
     spectrum[1 : lines + 1] = draw * np.sqrt(S[1:] / length) * n / 2
     spectrum[0] = rng.normal() * np.sqrt(S[0] / (2 * length)) * n
     values = np.asarray(np.fft.irfft(spectrum, n), dtype=float)
-    times: Array = np.asarray(np.arange(n + 1) * (length / n), dtype=float)
-    return times, np.asarray(np.append(values, values[0]), dtype=float)
+    times: Array = np.arange(n + 1) * (length / n)
+    return times, np.append(values, values[0])
 
 
 def _wave(times: Array, values: Array) -> Any:

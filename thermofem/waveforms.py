@@ -405,15 +405,11 @@ def period_times(wave: Waveform, samples: int) -> Array:
     samples = checks.integer("samples", samples, 3, 10_000_000)
     times = np.arange(samples, dtype=float) * (period / (samples - 1))
     times[-1] = period
-    nearest = {}
-    for edge in breakpoints.tolist():
-        k = round(edge / period * (samples - 1))
-        nearest[min(max(k, 1), samples - 2)] = edge
+    nearest = np.rint(breakpoints / period * (samples - 1)).clip(1, samples - 2).astype(int)
     count = breakpoints.size
-    if samples < 3 + 2 * count or len(nearest) < count:
+    if samples < 3 + 2 * count or np.unique(nearest).size < count:
         raise InputError(f"samples = {samples} is too few for a period with {count} breakpoints inside")
-    for k, edge in nearest.items():
-        times[k] = edge
+    times[nearest] = breakpoints
     return times
 
 

@@ -27,7 +27,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -242,14 +242,7 @@ def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...], rea
     return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked
 
 
-class Beginning(NamedTuple):
-    """Initial state of light, carriers and predictor, and the corrector's initial temperature rise in K."""
-
-    state: State
-    rise: float
-
-
-def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beginning:
+def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> State:
     """Set the corrector to the initial state of a run and return that of light, carriers and predictor.
 
     Raises
@@ -258,16 +251,14 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         ``initial`` is neither a run nor a cycle, belongs to another mesh, or is given for a corrector that is not the
         FEM; or it is missing for an FEM that has already made a run.
     """
-    if not isinstance(corrector, FEM):
-        if initial is not None:
-            raise InputError("initial goes with a HeatProblem or matrices; another corrector keeps its own state")
-        return Beginning(State.cold(model.order), 0.0)
     if initial is None:
-        if corrector.state.time > 0:
+        if isinstance(corrector, FEM) and corrector.state.time > 0:
             raise InputError(
                 "heat is a coupled.FEM that made a run before and is still hot; give initial= that run, or a new one"
             )
-        return Beginning(State.cold(model.order), 0.0)
+        return State.cold(model.order)
+    if not isinstance(corrector, FEM):
+        raise InputError("initial goes with a HeatProblem or matrices; another corrector keeps its own state")
     if "pulses" in initial.attrs:
         initial = contents("initial", initial, ("absorbed", "time"), what=INITIAL_KINDS)
         light, states = np.split(State.end_of(initial).as_array(), [3])
@@ -276,8 +267,7 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         light, field = end_of_run(initial, corrector.problem, corrector.linear.order)
         states = None
         corrector.begin(field)
-    begin = State.from_array(np.append(light, _predicted(corrector, model, states)))
-    return Beginning(begin, corrector.rise)
+    return State.from_array(np.append(light, _predicted(corrector, model, states)))
 
 
 def end_of_run(run: xr.Dataset, problem: HeatProblem | None, order: int) -> tuple[Array, Array]:

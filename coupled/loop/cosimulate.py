@@ -140,15 +140,16 @@ def cosimulate(
     fem_given = isinstance(corrector, FEM)
     doubts = check_model(ring, corrector.problem or heat, corrector.linear) if fem_given else check_geometry(ring, heat)
     chosen = getattr(corrector, "predictor", NO_PREDICTOR) if predictor is None else predictor
-    if isinstance(chosen, StateSpace) and isinstance(corrector, FEM):
+    if isinstance(chosen, StateSpace) and fem_given:
         output = detuning_output(ring.read, corrector.heated, tuple(chosen.outputs))
         chosen = chosen.channel(corrector.heated, output)
     model = NO_PREDICTOR if chosen is NO_PREDICTOR else compact(chosen)
     begin = beginning(initial, corrector, model)
+    rise = corrector.rise if fem_given else 0.0
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
-        max_discrepancy, rtol, begin.state, _background(corrector, predictor), accepted=begin.rise,
-        rest=begin.rise - float(model.read(np.asarray(begin.state.thermal))),
+        max_discrepancy, rtol, begin, _background(corrector, predictor), accepted=rise,
+        rest=rise - float(model.read(np.asarray(begin.thermal))),
     )  # fmt: skip
     parts = []
     while loop.time < duration:

@@ -15,6 +15,7 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..heaters import warmed
+from ..identification.deviations import unknown_as_inf
 from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, moved_minimum, summary
 from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
@@ -192,8 +193,7 @@ def _result(
     for name, s in zip((*search.names, *DERIVED), spread.relative, strict=True):
         value = every[name]
         size = search.linewidth if name == FREQUENCY else value
-        # a logarithm uncertain by 1 or more is not determined
-        deviations[name] = float(s * size) if s < 1.0 else np.inf
+        deviations[name] = float(unknown_as_inf(s) * size)
     notes = [*level_doubts(samples), *doubts_of(search, end, deviations, misfit, correlations, other)]
     for note in notes:
         log.warning("%s", note)

@@ -49,12 +49,12 @@ def with_other_answer(
     # two answers that differ by less than 2 % are one
     if abs(other_ring.bus_rate / ring.bus_rate - 1) < 0.02:
         return search, end, None
-    pairs = sorted([(end.cost, 0), (other.cost, 1)])
-    misfit_squared = max(pairs[0][0] / max(end.r.size - end.x.size, 1), 1.0)
+    misfit_squared = max(min(end.cost, other.cost) / max(end.r.size - end.x.size, 1), 1.0)
     # within three deviations both fit
-    both_fit = pairs[1][0] - pairs[0][0] < 9.0 * misfit_squared
-    first_is_better = pairs[0][1] == 0
-    keep_first = _over_coupled(ring) == _over_coupled(search.ring) if both_fit else first_is_better
+    both_fit = abs(end.cost - other.cost) < 9.0 * misfit_squared
+    keep_first = end.cost <= other.cost
+    if both_fit:
+        keep_first = _over_coupled(ring) == _over_coupled(search.ring)
     if keep_first:
         return search, end, wider.values(other.x) if both_fit else None
     return wider, other, search.values(end.x) if both_fit else None

@@ -174,8 +174,8 @@ class Search:
 
     def lines(self, x: Array) -> list[Line]:
         """The curve of each sweep in the coordinates of its samples, but for the baseline."""
-        shift = self.values(x).get(FREQUENCY, self.ring.frequency) - self.reference
-        factor = self.values(x).get(POWER, self.factor)
+        ring, _, factor = self.build(x)
+        shift = ring.frequency - self.reference
         found = []
         for sweep, curve in zip(self.data, self._by_drive(port_curve, x), strict=True):
             place = np.log(curve.power / factor) if sweep.power is None else curve.detuning + shift
