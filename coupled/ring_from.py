@@ -21,6 +21,7 @@ import thermofem as th
 from thermofem import InputError, checks
 from thermofem.data import quantity
 from thermofem.geometry import Bus
+from thermofem.geometry.resistor import fsr_power
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.optics import mode_derivatives
 from thermofem.optics.coupler import MOST_COUPLING, STEP, TRUSTED, of_buses
@@ -379,7 +380,7 @@ def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str
     """Thermal tuning of a ring by one channel of a thermal model: a dict of floats.
 
         shift_per_kelvin (m/K),   shift_per_watt = shift_per_kelvin R_th (m/W)
-        pi_power = pi c/(n_g L thermal_shift R_th) (W), where the model's file records the geometry
+        pi_power = lambda^2/(2 n_g L shift_per_watt) (W), where the model's file records the geometry
 
     pi_power shifts the resonance by half a free spectral range c/(n_g L), with the round trip L of the heated part.
     """
@@ -394,6 +395,6 @@ def tuning(ring: RingResonator, model: Any, heated: str | None = None, read: str
         return numbers
     cores = [one for one in section.parts if one.name == part]
     if cores and R > 0:
-        length = section.path_length((cores[-1].inner_radius + cores[-1].outer_radius) / 2)
-        numbers["pi_power"] = math.pi * c / (ring.group_index * length * ring.thermal_shift * R)
+        length = section.path_length(cores[-1].centre)
+        numbers["pi_power"] = fsr_power(c / ring.frequency, ring.group_index, length, numbers["shift_per_watt"]) / 2
     return numbers

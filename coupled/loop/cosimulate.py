@@ -146,9 +146,10 @@ def cosimulate(
     model = NO_PREDICTOR if chosen is NO_PREDICTOR else compact(chosen)
     begin = beginning(initial, corrector, model)
     rise = corrector.rise if fem_given else 0.0
+    level = round(np.log2(max(duration / FIRST, 1.0)))
     loop = Relaxation(
-        ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
-        max_discrepancy, rtol, begin, _background(corrector, predictor), accepted=rise,
+        ring, model, corrector, light["input_power"], light["detuning"], float(duration), level, max_discrepancy, rtol,
+        begin, _background(corrector, predictor), accepted=rise,
         rest=rise - float(model.read(np.asarray(begin.thermal))),
     )  # fmt: skip
     parts = []

@@ -57,8 +57,9 @@ class Relaxation:
     ----------
     ring, model, corrector
     power, detuning : as `window.advance` takes them
-    duration, window : float, s
-        length of the run and of the first window; every window is ``duration``/2^``level`` long.
+    duration : float, s
+    level : int
+        windows are ``duration``/2^``level`` long.
     max_discrepancy : float, K
         largest difference accepted between the temperature used for the light and the corrector's.
     rtol : float
@@ -74,22 +75,18 @@ class Relaxation:
     power: Any
     detuning: Any
     duration: float
-    window: float
+    level: int
     max_discrepancy: float
     rtol: float
     state: State
     background: Callable[[Array], Array] | None = None
     index: int = 0
-    level: int = 0
     accepted: float = 0.0  # the corrector's temperature at the accepted time, K
     rest: float = 0.0  # discrepancy at the accepted time, less the background
     first_step: float = 0.0
     passes: int = 0
     abandoned: int = 0
     seconds: dict[str, float] = field(default_factory=lambda: {"optics": 0.0, "corrector": 0.0})
-
-    def __post_init__(self) -> None:
-        self.level = max(0, round(np.log2(self.duration / self.window)))
 
     @property
     def time(self) -> float:
@@ -245,21 +242,11 @@ def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
 def _spline(times: Array, values: Array, allowed: float) -> Any:
     """Return a cubic Hermite spline through some of the samples, with an error below ``allowed`` at all others."""
     slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
-    knots = {0, times.size - 1}
-    open_ = [(0, times.size - 1)]
-    while open_:
-        a, b = open_.pop()
-        if b - a < 2:
-            continue
-        inside = slice(a + 1, b)
-        u = (times[inside] - times[a]) / (h := times[b] - times[a])
-        rise = values[b] - values[a]
-        d0 = h * slope[a]
-        d1 = h * slope[b]
-        cubic = values[a] + u * (d0 + u * (3 * rise - 2 * d0 - d1 + u * (d0 + d1 - 2 * rise)))
-        if np.abs(cubic - values[inside]).max() > allowed:
-            middle = (a + b) // 2
-            knots.add(middle)
-            open_ += [(a, middle), (middle, b)]
-    at = np.array(sorted(knots))
-    return CubicHermiteSpline(times[at], values[at], slope[at])
+    knots = np.array([0, times.size - 1])
+    while True:
+        spline = CubicHermiteSpline(times[knots], values[knots], slope[knots])
+        missed = np.flatnonzero(np.abs(spline(times) - values) > allowed)
+        if not missed.size:
+            return spline
+        last = np.unique(np.searchsorted(knots, missed))  # ends of the pieces with those samples, which are halved
+        knots = np.union1d(knots, (knots[last - 1] + knots[last]) // 2)

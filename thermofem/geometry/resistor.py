@@ -87,6 +87,11 @@ def check_resistors(geometry: CrossSection) -> None:
             raise checks.InputError(f"part {part.name!r} has a tcr, but no resistance", 'e.g. resistance = "120 ohm"')
 
 
+def fsr_power(wavelength: float, n_g: float, length: float, shift_per_watt: float) -> float:
+    """Power (W) that shifts a resonance by one free spectral range lambda^2/(n_g L), or a phase by 2 pi."""
+    return wavelength**2 / (n_g * length * shift_per_watt)
+
+
 def heater_sheet(
     geometry: CrossSection, mode: Any, heater: str, to_light: float, self_heating: float
 ) -> dict[str, float]:
@@ -98,15 +103,15 @@ def heater_sheet(
     """
     length = geometry.length or geometry.path_length(mode.radius)
     shift_per_kelvin = mode.wavelength * mode.thermo_optic
-    free_spectral_range = c / (mode.n_g * length)
-    shift = c / mode.wavelength * mode.thermo_optic * to_light  # Hz/W
+    shift_per_watt = shift_per_kelvin * to_light
+    power = fsr_power(mode.wavelength, mode.n_g, length, shift_per_watt)
     sheet = {
         "thermal_resistance": to_light,
         "shift_per_kelvin": shift_per_kelvin,
-        "shift_per_watt": shift_per_kelvin * to_light,
-        "free_spectral_range": free_spectral_range,
-        "pi_power": free_spectral_range / shift / 2,
-        "fsr_power": free_spectral_range / shift,
+        "shift_per_watt": shift_per_watt,
+        "free_spectral_range": c / (mode.n_g * length),
+        "pi_power": power / 2,
+        "fsr_power": power,
     }
     resistor = known_resistor(geometry, heater)
     if resistor is None:
