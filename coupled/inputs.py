@@ -95,10 +95,9 @@ def joint(*parts: Pieces) -> Array:
     """Union of the breakpoints of piecewise cubics, shape (n,), increasing; those equal up to round-off are merged."""
     if all(np.array_equal(part.edges, parts[0].edges) for part in parts[1:]):
         return parts[0].edges
-    edges = np.unique(np.concatenate([part.edges for part in parts]))
-    tolerance = 4e-16 * np.abs(edges[[0, -1]]).max()
-    keep = np.concatenate([[True], np.diff(edges) > tolerance])
-    return np.append(edges[keep][:-1], edges[-1]) if keep.sum() > 1 else edges
+    edges = np.concatenate([part.edges for part in parts])
+    window = np.array([edges.min(), edges.max()])
+    return apart_in_time(edges, window, 4e-16)
 
 
 class Lights(NamedTuple):
@@ -178,11 +177,11 @@ def _difference(frequency: Pieces, reference: Pieces) -> Pieces:
     return Pieces.constant(difference.edges[0], difference.edges[-1], 0.0)
 
 
-def apart_in_time(times: Array, window: Array) -> Array:
-    """Sorted times in a window, with both its ends; times within `SAME_TIME` of the previous one are removed."""
+def apart_in_time(times: Array, window: Array, share: float = SAME_TIME) -> Array:
+    """Sorted times in a window, with both its ends; those within a ``share`` of it of the previous one are removed."""
     ordered = np.sort(times)
     gaps = np.diff(ordered, prepend=-np.inf)
-    edges = ordered[gaps > SAME_TIME * window[1]]
+    edges = ordered[gaps > share * np.abs(window).max()]
     edges[[0, -1]] = window
     return edges
 

@@ -215,7 +215,7 @@ def _coloured(
     spectrum[1 : lines + 1] = draw * np.sqrt(S[1:] / length) * n / 2
     spectrum[0] = rng.normal() * np.sqrt(S[0] / (2 * length)) * n
     values = np.asarray(np.fft.irfft(spectrum, n), dtype=float)
-    times: Array = np.arange(n + 1) * (length / n)
+    times = np.asarray(np.arange(n + 1) * (length / n), dtype=float)
     return times, np.append(values, values[0])
 
 

@@ -242,18 +242,19 @@ def make_search(
             nu = np.concatenate([sweep.x if sweep.power is not None else [sweep.detuning] for sweep in data])
             ends = (value + nu.min() - SIDE * width, value + nu.max() + SIDE * width)
             low, high = (np.array(span_of(name, given, ends)) - value) / width
-            rows.append((min(max(0.0, low), high), low, high))
+            start = 0.0
         else:
             value = checks.positive(name, value, hint="a free parameter must start above 0")
             low, high = np.log(span_of(name, given, (value / SPAN, value * SPAN)))
-            rows.append((min(max(np.log(value), low), high), low, high))
+            start = np.log(value)
+        rows.append((np.clip(start, low, high), low, high))
     scales = tuple(dict.fromkeys(sweep.scale for sweep in data if sweep.scale is not None))
     for scale in scales:
         top = max(_log_output(sweep) for sweep in data if sweep.scale == scale)
         rows.append((top, top - np.log(SCALES), top + np.log(SCALES)))
-    start, low, high = np.array(rows).T
+    starts, lows, highs = np.array(rows).T
     return Search(
-        ring, resistance, 1.0, data, tuple(free), start, low, high, scales, ring.frequency, width
+        ring, resistance, 1.0, data, tuple(free), starts, lows, highs, scales, ring.frequency, width
     )  # fmt: skip
 
 

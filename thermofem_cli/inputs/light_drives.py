@@ -67,9 +67,9 @@ def light(
     ring: RingResonator, power: str, detuning: str, sweep: str | None, modulate: list[str] | None, duration: float
 ) -> dict[str, Any]:
     """Return ``power`` (W) and ``detuning`` (Hz) of the laser, each a number, a function of time, or a list of them."""
-    found: dict[str, Any] = {
-        "power": quantity.not_negative(power, "W", name="--power"),
-        "detuning": detuning_of(detuning, ring),
+    inputs: dict[str, list[Any]] = {
+        "power": [quantity.not_negative(power, "W", name="--power")],
+        "detuning": [detuning_of(detuning, ring)],
     }
     if sweep is not None:
         with reading(f"--sweep = {sweep!r}", "two quantities or more, such as '20 GHz, -40 GHz'"):
@@ -77,13 +77,11 @@ def light(
         unit, _ = amount_of("--sweep", first, *LASER_INPUTS)
         values = [quantity.parse(part.strip(), unit, name="--sweep") for part in (first, second, *others)]
         times = np.linspace(0.0, duration, len(values))
-        found[LASER_INPUTS[unit]] = coupled.Sweep(times, values)
+        inputs[LASER_INPUTS[unit]] = [coupled.Sweep(times, values)]
     for text in modulate or []:
         unit, _ = amount_of("--modulate", text, *LASER_INPUTS)
-        name = LASER_INPUTS[unit]
-        added = varying("--modulate", text, unit, duration)
-        found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
-    return found
+        inputs[LASER_INPUTS[unit]].append(varying("--modulate", text, unit, duration))
+    return {name: parts if len(parts) > 1 else parts[0] for name, parts in inputs.items()}
 
 
 def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.inf) -> list[coupled.Laser]:
