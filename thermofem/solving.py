@@ -174,23 +174,30 @@ def _solved(
     return data.merge(fields(heat, run.snapshots, field_times)) if np.size(field_times) else data
 
 
-def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
-    """Provenance of the data: geometry, mesh, materials, solver, energy balance."""
+def described(heat: HeatProblem, heated: str, read: str) -> dict[str, Any]:
+    """Attributes of a Dataset: R_th of a channel in K/W, geometry, mesh and materials of a heat problem."""
     materials = [heat.geometry.material_of(name) for name in heat.regions]
-    mesh_error, domain_error = heat.errors(heated, read)
     sources = {material.name: material.source for material in materials}
-    numbers = {name: getattr(run, name) for name in NUMBERS}
     return {
         "heated": heated,
         "thermal_resistance": heat.thermal_resistance(heated, read),
-        "discretization_error": mesh_error,
-        "domain_error": domain_error,
         "geometry": heat.geometry.to_toml(),
-        "temperature_dependent": int(heat.nonlinear),
         "mesh_hash": mesh_hash(heat.mesh),
         "accuracy": heat.accuracy,
-        "unknowns": heat.unknowns,
         "materials": json.dumps(sources),
+    }
+
+
+def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
+    """Provenance of the data: that of the heat problem, solver, energy balance."""
+    mesh_error, domain_error = heat.errors(heated, read)
+    numbers = {name: getattr(run, name) for name in NUMBERS}
+    return {
+        **described(heat, heated, read),
+        "discretization_error": mesh_error,
+        "domain_error": domain_error,
+        "temperature_dependent": int(heat.nonlinear),
+        "unknowns": heat.unknowns,
         "rtol": rtol,
         **numbers,
         "heat_imbalance": run.imbalance,

@@ -23,7 +23,6 @@ k(T) and c_p(T) this is repeated until the temperature is periodic.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -39,8 +38,9 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import contents
 from thermofem.fem import HeatProblem
 from thermofem.models import NonlinearSystem, OutputMap, Quadratic, StateSpace, foster
-from thermofem.solving import mesh_hash
+from thermofem.solving import described, mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
+from thermofem.transient.integration import heat_imbalance
 from thermofem.waveforms import PiecewiseCubic, Waveform, to_json
 
 from ..heaters import check_unlit
@@ -199,11 +199,10 @@ class FEM:
         stepper = self.field.stepper
         state = self.state
         stored = self.field.stored(state) - self.stored_before
-        scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))
-        imbalance = (state.heat_in - stored - state.heat_out) / scale if scale else 0.0
+        about = described(self.problem, self.heated, self.read) if self.problem else {}
         powers = {f"power_in_{name}": to_json(wave) for name, wave in self.heaters.items()}
         return {
-            **self._origin(),
+            **about,
             **powers,
             "fem_unknowns": self.linear.order,
             "fem_steps": stepper.steps,
@@ -212,22 +211,7 @@ class FEM:
             "heat_in": state.heat_in,
             "heat_stored": stored,
             "heat_out": state.heat_out,
-            "heat_imbalance": imbalance,
-        }
-
-    def _origin(self) -> dict[str, Any]:
-        """Return the geometry, mesh and materials of a heat problem; nothing for a bare system."""
-        heat = self.problem
-        if not heat:
-            return {}
-        materials = [heat.geometry.material_of(region) for region in heat.regions]
-        return {
-            "heated": self.heated,
-            "thermal_resistance": heat.thermal_resistance(self.heated, self.read),
-            "geometry": heat.geometry.to_toml(),
-            "mesh_hash": mesh_hash(heat.mesh),
-            "accuracy": heat.accuracy,
-            "materials": json.dumps({material.name: material.source for material in materials}),
+            "heat_imbalance": heat_imbalance(state.heat_in, stored, state.heat_out),
         }
 
 

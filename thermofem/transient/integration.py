@@ -79,9 +79,14 @@ class Trajectory:
 
     @property
     def imbalance(self) -> float:
-        """(in - stored - out) relative to the largest of the three."""
-        scale = max(abs(self.heat_in), abs(self.heat_stored), abs(self.heat_out))
-        return (self.heat_in - self.heat_stored - self.heat_out) / scale if scale else 0.0
+        """`heat_imbalance` of the run."""
+        return heat_imbalance(self.heat_in, self.heat_stored, self.heat_out)
+
+
+def heat_imbalance(heat_in: float, stored: float, heat_out: float) -> float:
+    """(in - stored - out) relative to the largest of the three; 0 where all are 0."""
+    scale = max(abs(heat_in), abs(stored), abs(heat_out))
+    return (heat_in - stored - heat_out) / scale if scale else 0.0
 
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
