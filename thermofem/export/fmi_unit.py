@@ -19,8 +19,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from string import Template
 from typing import NamedTuple
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.sax.saxutils import quoteattr
 
 from thermofem import checks
 from thermofem.data.files import write_whole
@@ -47,13 +48,13 @@ PLATFORMS = {
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU: value reference, causality, unit ("" for none) and description."""
+    """A variable of the FMU: as a `Quantity`, with value reference and causality."""
 
     name: str
-    reference: int
-    causality: str
     unit: str
     words: str
+    reference: int
+    causality: str
     start: float | None = None
     derivative: int | None = None
     """Index, from 1, of the state that it is the derivative of."""
@@ -118,15 +119,17 @@ def write_unit(target: Target, poles: Poles, source: Source, light: Light | None
         for file, content in source.headers.items():
             (sources / file).write_text(content, encoding="utf-8")
         description = _description(target.fmi, name, token, about, variables, source)
-        (root / "modelDescription.xml").write_bytes(_xml(description))
+        (root / "modelDescription.xml").write_text(description, encoding="utf-8")
         if target.fmi == 3:
-            (sources / "buildDescription.xml").write_bytes(_xml(_build_description(name, source)))
+            build = Template(_file("fmi3_build.xml"))
+            layout = build.substitute(name=name, language=source.language, ending=source.ending)
+            (sources / "buildDescription.xml").write_text(layout, encoding="utf-8")
         _compile(root, name, source, target)
         return write_whole(target.path, lambda p: _pack(root, p))
 
 
 def _file(file: str) -> str:
-    """Text of a C file of this folder."""
+    """Text of a file of this folder, C or a template of XML."""
     return files(__package__).joinpath(file).read_text(encoding="utf-8")
 
 
@@ -173,99 +176,79 @@ def _variables(poles: Poles, light: Light | None) -> list[Variable]:
         inputs = [*light.inputs, *inputs]
         outputs = [*outputs, *light.outputs]
         states = [*light.states, *states]
-    variables = [Variable(q.name, k, "input", q.unit, q.words, start=0.0) for k, q in enumerate(inputs)]
+    variables = [Variable(*q, k, "input", start=0.0) for k, q in enumerate(inputs)]
     if light:
         words = "relative tolerance of co-simulation"
-        variables.append(Variable("rtol", len(variables), "parameter", "", words, start=1e-6))
+        variables.append(Variable("rtol", "", words, len(variables), "parameter", start=1e-6))
     for k, q in enumerate(outputs):
-        variables.append(Variable(q.name, OUTPUT + k, "output", q.unit, q.words))
+        variables.append(Variable(*q, OUTPUT + k, "output"))
     first = len(variables) + 1
     for k, q in enumerate(states):
-        variables.append(Variable(q.name, STATE + k, "local", q.unit, q.words, start=0.0))
+        variables.append(Variable(*q, STATE + k, "local", start=0.0))
     for k, q in enumerate(states):
-        rate = f"rate of {q.name}"
-        variables.append(Variable(f"der({q.name})", DERIVATIVE + k, "local", "", rate, derivative=first + k))
+        rate = Quantity(f"der({q.name})", "", f"rate of {q.name}")
+        variables.append(Variable(*rate, DERIVATIVE + k, "local", derivative=first + k))
     return variables
 
 
-def _description(fmi: int, name: str, token: str, about: str, variables: list[Variable], source: Source) -> Element:
+def _description(fmi: int, name: str, token: str, about: str, variables: list[Variable], source: Source) -> str:
     """The model description of FMI 2.0 or 3.0; a unit with a tolerance proposes one, and a step."""
-    guid = "guid" if fmi == 2 else "instantiationToken"
-    root = Element("fmiModelDescription", {"fmiVersion": f"{fmi}.0", "modelName": name, guid: token,
-        "description": about, "generationTool": "thermofem"})  # fmt: skip
-    exchange = SubElement(root, "ModelExchange")
-    cosimulation = SubElement(root, "CoSimulation")
-    every = {"modelIdentifier": name}
-    state = "state" if fmi == 2 else "State"
-    keep = {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
-    held = {"canHandleVariableCommunicationStepSize": "true"}
-    if fmi == 2:
-        root.set("numberOfEventIndicators", "0")
-        exchange.attrib |= every | {"completedIntegratorStepNotNeeded": "true"} | keep
-        cosimulation.attrib |= every | held | keep
-        for kind in (exchange, cosimulation) if source.ending == ".c" else ():  # hosts of FMI 2.0 compile C alone
-            SubElement(SubElement(kind, "SourceFiles"), "File", name=f"{name}.c")
-    else:
-        exchange.attrib |= keep | every | {"needsCompletedIntegratorStep": "false"}
-        cosimulation.attrib |= keep | every | held
-    definitions = SubElement(root, "UnitDefinitions")
+    units = []
     for word in dict.fromkeys(v.unit for v in variables if v.unit):
-        unit = SubElement(definitions, "Unit", name=word)
-        if base := UNITS[word]:
-            SubElement(unit, "BaseUnit", {key: str(value) for key, value in base.items()})
-    step = {"tolerance": "1e-6", "stepSize": repr(STEP)} if any(v.name == "rtol" for v in variables) else {}
-    SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": repr(DURATION)} | step)
-    _list(root, fmi, variables)
-    return root
+        base = UNITS[word]
+        units.append(_element("Unit", {"name": word}, _element("BaseUnit", base) if base else ""))
+    experiment = {"startTime": 0, "stopTime": DURATION}
+    if any(v.name == "rtol" for v in variables):
+        experiment |= {"tolerance": 1e-6, "stepSize": STEP}
+    outputs = [k for k, v in enumerate(variables) if v.causality == "output"]
+    derivatives = [k for k, v in enumerate(variables) if v.derivative]
 
-
-def _list(root: Element, fmi: int, variables: list[Variable]) -> None:
-    """Add the variables to a model description, with the lists of outputs and derivatives."""
-    listed = SubElement(root, "ModelVariables")
-    structure = SubElement(root, "ModelStructure")
-    if fmi == 3:
-        time = {"name": "time", "valueReference": "9999", "causality": "independent", "variability": "continuous"}
-        SubElement(listed, "Float64", time)
-    for v in variables:
-        about = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality, "description": v.words}
-        about["variability"] = "fixed" if v.causality == "parameter" else "continuous"
-        if v.causality in ("output", "local"):
-            about["initial"] = "calculated" if v.start is None else "exact"
-        value = ({"unit": v.unit} if v.unit else {}) | ({} if v.start is None else {"start": repr(v.start)})
-        if v.derivative:
-            state = v.derivative if fmi == 2 else variables[v.derivative - 1].reference
-            value["derivative"] = str(state)
+    def unknowns(tag: str, numbers: list[int]) -> list[str]:
         if fmi == 2:
-            SubElement(SubElement(listed, "ScalarVariable", about), "Real", value)
-        else:
-            SubElement(listed, "Float64", about | value)
-    outputs = [(k, v.reference) for k, v in enumerate(variables, 1) if v.causality == "output"]
-    derivatives = [(k, v.reference) for k, v in enumerate(variables, 1) if v.derivative]
-    for tags, chosen in (
-        (("Outputs", "Output"), outputs),
-        (("Derivatives", "ContinuousStateDerivative"), derivatives),
-        (("InitialUnknowns", "InitialUnknown"), outputs + derivatives),
-    ):
-        element = SubElement(structure, tags[0]) if fmi == 2 else structure
-        for index, reference in chosen:
-            if fmi == 2:
-                SubElement(element, "Unknown", index=str(index))
-            else:
-                SubElement(element, tags[1], valueReference=str(reference))
+            return [_element("Unknown", {"index": k + 1}) for k in numbers]
+        return [_element(tag, {"valueReference": variables[k].reference}) for k in numbers]
+
+    lists = {
+        "units": units,
+        "variables": [_declared(fmi, v) for v in variables],
+        "outputs": unknowns("Output", outputs),
+        "derivatives": unknowns("ContinuousStateDerivative", derivatives),
+        "initial": unknowns("InitialUnknown", outputs + derivatives),
+    }
+    # hosts of FMI 2.0 compile C alone
+    sources = f'<SourceFiles><File name="{name}.c"/></SourceFiles>' if source.ending == ".c" else ""
+    return Template(_file(f"fmi{fmi}.xml")).substitute(
+        {key: "\n    ".join(elements) for key, elements in lists.items()},
+        name=name,
+        token=token,
+        about=quoteattr(about),
+        sources=sources,
+        experiment=_element("DefaultExperiment", experiment),
+    )
 
 
-def _build_description(name: str, source: Source) -> Element:
-    """The build description of FMI 3.0: language and source file of the FMU."""
-    root = Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    files = SubElement(configuration, "SourceFileSet", language=source.language)
-    SubElement(files, "SourceFile", name=f"{name}{source.ending}")
-    return root
+def _element(tag: str, attributes: Mapping[str, object], inside: str = "") -> str:
+    """An XML element; attributes that are None are left out."""
+    pairs = [f"{key}={quoteattr(str(value))}" for key, value in attributes.items() if value is not None]
+    return f"<{tag} {' '.join(pairs)}>{inside}</{tag}>"
 
 
-def _xml(root: Element) -> bytes:
-    indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="utf-8") + b"\n"
+def _declared(fmi: int, v: Variable) -> str:
+    """Declaration of a variable in a model description."""
+    initial = "calculated" if v.start is None else "exact"
+    about = {
+        "name": v.name,
+        "valueReference": v.reference,
+        "causality": v.causality,
+        "description": v.words,
+        "variability": "fixed" if v.causality == "parameter" else "continuous",
+        "initial": initial if v.causality in ("output", "local") else None,
+    }
+    state = v.reference - DERIVATIVE + STATE if v.derivative and fmi == 3 else v.derivative
+    value = {"unit": v.unit or None, "start": v.start, "derivative": state}
+    if fmi == 2:
+        return _element("ScalarVariable", about, _element("Real", value))
+    return _element("Float64", about | value)
 
 
 def _host() -> str:
