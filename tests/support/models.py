@@ -12,7 +12,7 @@ import surrogate
 import thermofem as th
 from thermofem.fem.weak_forms import capacity, conduction
 from thermofem.models import NonlinearSystem, foster
-from thermofem.transient.nonlinear import nodal_operator
+from thermofem.transient.nonlinear import Ledger, ledger_of, nodal_operator
 
 
 @cache
@@ -28,6 +28,12 @@ def coarse(growth: float = 20) -> tuple[th.mesh.Mesh, th.fem.Discretization]:
     k, c = np.array([130, 1.38, 130])[mesh.region], np.array([2330 * 700, 2203 * 703, 2330 * 700])[mesh.region]
     held = facets_where(mesh, lambda r, z: np.isclose(z, -32 * um))
     return mesh, th.fem.discretize(mesh, k, c, th.fem.Surfaces(held=held))
+
+
+def linear_ledger(d: th.fem.Discretization) -> Ledger:
+    """The energy balance of matrices without temperature dependence."""
+    flow, content = (nodal_operator((), matrix, d.free, 0.0) for matrix in (d.stiffness, d.mass))
+    return ledger_of(flow, content, d.held)
 
 
 @cache

@@ -7,12 +7,14 @@ import itertools
 import numpy as np
 import pytest
 from models import coarse_fem
+from scipy.sparse import csr_matrix
 
 import thermofem as th
 import thermofem.transient.integration
 from thermofem.models import foster
 from thermofem.transient.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from thermofem.transient.integration import _march, _Record, integrate, integrate_periodic
+from thermofem.transient.nonlinear import Ledger, NodalOperator
 
 
 def cosine(omega: float) -> th.Function:
@@ -117,7 +119,10 @@ def test_few_steps_are_rejected_behind_an_edge():
 def test_energy_balance_notices_a_source_that_is_not_the_waveform():
     system = coarse_fem()
     ones = np.ones(system.order)
-    ledger = th.transient.Ledger(storage=system.E @ ones, drain_A=-(system.A @ ones), drain_E=0 * ones)
+    stored, drain, none = (
+        NodalOperator(csr_matrix(row), (), 0.0) for row in (ones @ system.E, -ones @ system.A, 0 * ones)
+    )
+    ledger = Ledger(stored, none, drain)
     louder = th.StateSpace(system.E, system.A, 1.001 * system.B, system.C)
     run = integrate(louder, th.Constant(1e-3), [1e-6], ledger=ledger)
     assert run.imbalance == pytest.approx(-0.001, rel=0.01)

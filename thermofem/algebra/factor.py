@@ -74,14 +74,11 @@ class Pencil:
 
     def __init__(self, E: Any, K: Any) -> None:
         n = E.shape[0]
-        triangles = [_upper_triangle(matrix) for matrix in (E, K)]
-        (place, _), (other, _) = triangles
-        self._pattern = place if np.array_equal(place, other) else np.union1d(place, other)
+        places = [_upper_triangle(matrix)[0] for matrix in (E, K)]
+        self._pattern = np.union1d(*places)
         self._indices = self._pattern % n
         self._indptr = np.searchsorted(self._pattern, np.arange(n + 1) * n)
-        self._data = np.zeros((2, self._pattern.size))
-        for row, (at, data) in zip(self._data, triangles, strict=True):
-            row[np.searchsorted(self._pattern, at)] = data
+        self._data = self._values(E, K)
         self._shape = E.shape
         self.__setstate__({})
 
@@ -123,20 +120,18 @@ class Pencil:
             with self._lock:
                 self._spare += solvers
 
-    def entries(self, matrix: Any) -> tuple[Indices, Array]:
-        """Indices (as used by `replace`) and values of the entries of a symmetric matrix on and above its diagonal."""
-        place, data = _upper_triangle(matrix)
-        return np.searchsorted(self._pattern, place), data
+    def _values(self, *matrices: Any) -> Array:
+        """Entries of symmetric matrices on the sparsity pattern, shape (matrices, entries)."""
+        values = np.zeros((len(matrices), self._pattern.size))
+        for row, matrix in zip(values, matrices, strict=True):
+            place, data = _upper_triangle(matrix)
+            row[np.searchsorted(self._pattern, place)] = data
+        return values
 
-    @property
-    def rows_and_columns(self) -> tuple[Indices, Indices]:
-        """Row and column of each entry of the pattern."""
-        return self._indices, self._pattern // self._shape[0]
-
-    def replace(self, E: Array, K: Array) -> None:
-        """Replace the values of E and K on the same sparsity pattern; all factors are dropped."""
+    def replace(self, E: Any, K: Any) -> None:
+        """Replace E and K by matrices with entries on the same sparsity pattern; all factors are dropped."""
         with self._lock:
-            self._data = np.stack([E, K])
+            self._data = self._values(E, K)
             self._spare = self._release()
             self._seen.clear()
 

@@ -23,9 +23,8 @@ from ..geometry.section_parts import AMBIENT, LIGHT, MODE, WAVELENGTH
 from ..materials.material_laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
 from ..optics.modes import Light
-from ..transient.integration import Ledger
 from ..transient.modal import Modal
-from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
+from ..transient.nonlinear import Ledger, NodalOperator, ledger_of, nodal_operator
 from .domain_truncation import Wider, domain_error, warn_of_domain, wider
 from .error_estimate import Estimate, MeshError
 from .probe_means import probe_integral
@@ -272,19 +271,11 @@ class HeatProblem:
         return wider(self)
 
     @cached_property
-    def ledger(self) -> Ledger | NonlinearLedger:
+    def ledger(self) -> Ledger:
         """Terms of the energy balance of a transient of `model`."""
-        if not self.nonlinear:
-            return self.discretization.ledger
-        d = self.discretization
-        flow, content = self._everywhere
-        ones = np.ones((1, d.mass.shape[0]))
-        held = np.zeros_like(ones)
-        held[0, d.held] = 1
-        free = ones - held
-        return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, free))
+        return ledger_of(*self._everywhere, self.discretization.held)
 
-    def audit(self, heated: str) -> Ledger | NonlinearLedger:
+    def audit(self, heated: str) -> Ledger:
         """Ledger for power in ``heated``, including the share of it that enters at held unknowns and leaves at once."""
         checks.choice("heated", heated, self.heated)
         load = self.discretization.means[heated]
@@ -293,7 +284,7 @@ class HeatProblem:
 
     @cached_property
     def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
-        """Nonlinear operators F and H with the rows of all unknowns, held ones included."""
+        """Operators F and H of `transient.nonlinear` with the rows of all unknowns, held ones included."""
         d = self.discretization
         k, c = properties(self.geometry, self.mesh)
 

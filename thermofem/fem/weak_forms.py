@@ -17,7 +17,6 @@ from ..geometry.section_parts import AMBIENT
 from ..materials.material_laws import Law, check_positive
 from ..mesh.triangles import radii
 from ..models import StateSpace
-from ..transient.integration import Ledger
 from .surfaces import Surfaces, surface_terms
 
 if TYPE_CHECKING:
@@ -90,26 +89,6 @@ class Discretization:
         B = np.array([self.inflow if name == AMBIENT else self.means[name][self.free] for name in heated])
         C = np.array([self.means[name][self.free] for name in read])
         return StateSpace(E=self.E, A=-self.K, B=B.T, C=C, inputs=heated, outputs=read)
-
-    @cached_property
-    def ledger(self) -> Ledger:
-        """Terms of the energy balance: stored heat 1^T M x; heat leaves through held, convective and open boundaries.
-
-        The rows of the held unknowns, left out of the system, give their reaction: -(M dx/dt + K x) is the heat that
-        flows out there; 1^T K x over all rows is the loss by convection, as conduction and contacts have zero column
-        sums.
-        """
-
-        def column_sums(matrix: Any) -> Array:
-            return np.asarray(matrix.sum(axis=0)).ravel()[self.free]
-
-        convective = column_sums(self.stiffness)
-        into_held = column_sums(self.stiffness[self.held])
-        return Ledger(
-            storage=column_sums(self.mass),
-            drain_A=convective - into_held,
-            drain_E=-column_sums(self.mass[self.held]),
-        )
 
 
 def discretize(

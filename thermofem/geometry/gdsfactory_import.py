@@ -6,14 +6,14 @@ racetrack of length L becomes a circle of radius L/(2 pi). A component with seve
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import shapely
 
 from .. import checks
 from .cross_section import CrossSection
-from .section_parts import Boundary, Layer, Part, ring
+from .section_parts import Layer, Part, ring
 
 log = logging.getLogger("thermofem")
 
@@ -66,17 +66,18 @@ def from_gdsfactory(
         touch, an unknown material, a section beside the middle of the waveguide, or two different ones on one level.
     """
     gf = _library()
-    stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
+    chosen = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
     settings = dict(component.settings)
     checks.choice("setting of the component", "cross_section", settings, hint=RING)
-    levels = stack.layers
     added = {name.lower(): material for name, material in (materials or {}).items()}
-    material_of = MATERIALS | added
-    stacked = [_level(levels, name) for name in background]
-    layers = _layers(stacked, background, material_of)
-    sections = _sections(gf, settings)
+    stack = _Stack(chosen.layers, MATERIALS | added, core)
+    layers = stack.background(background)
+    sections = []
+    for key in ("cross_section", "cross_section_heater"):
+        if settings.get(key):
+            sections += _cross_section(gf, key, settings).sections
     section_on = {str(section.layer): section for section in reversed(sections)}
-    drawn = checks.choice(f"layer of level {core!r}", _drawn(levels, core), section_on)
+    drawn = checks.choice(f"layer of level {core!r}", str(stack.drawn(core)), section_on)
     length = _loop(component, section_on[drawn])
     radius = _equivalent_radius(gf, settings)
     circumference = 2 * math.pi * radius
@@ -86,14 +87,17 @@ def from_gdsfactory(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
             f"{circumference / UM:.4g} um; build this CrossSection from th.Part"
         )
-    level_on = {_drawn(levels, name): name for name in (*reversed(levels), core)}
+    level_on = {str(stack.drawn(name)): name for name in (*reversed(stack.levels), core)}
     hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
     parts: dict[str, Part] = {}
     for section in sections:
         name = level_on[checks.choice("layer of a section of the component", str(section.layer), level_on)]
         offset = getattr(section, "offset", 0.0) or 0.0  # the side on which such a section lies depends on the bend
         checks.between(f"level {name!r}: offset of its section", offset, -THIN, THIN, unit="um", hint=hint)
-        part = _part(name, core, _level(levels, name), radius, section.width, material_of)
+        # gdsfactory gives the width at the height ``width_to_z``
+        width = section.width * UM + 2 * stack.lean(name)
+        inner, outer = ring(radius, width, of=f"{name}: ")
+        part = stack.part(name, inner_radius=inner, outer_radius=outer)
         if parts.setdefault(part.name, part) != part:
             raise checks.InputError(
                 f"level {name!r} has two sections of different width; a part is made of one, so build this "
@@ -101,16 +105,70 @@ def from_gdsfactory(
             )
     ordered = sorted(parts.values(), key=lambda part: part.name == CORE)  # the core overwrites the slab under it
     label = str(getattr(component, "function_name", None) or component.name)
-    return CrossSection(label, outer_radius, layers, tuple(ordered), bottom=Boundary("open"), outer=Boundary("open"))
+    return CrossSection(label, outer_radius, layers, tuple(ordered)).opened()
 
 
-def _sections(gf: Any, settings: Mapping[str, Any]) -> list[Any]:
-    """Sections of the waveguide and of its heater."""
-    sections = []
-    for key in ("cross_section", "cross_section_heater"):
-        if settings.get(key):
-            sections += _cross_section(gf, key, settings).sections
-    return sections
+class _Stack(NamedTuple):
+    """A layer stack of gdsfactory.
+
+    materials: names in the stack, in lower case, to those of thermofem.
+    core: level of the guiding silicon.
+    """
+
+    levels: Mapping[str, Any]
+    materials: Mapping[str, str] = MATERIALS
+    core: str = CORE
+
+    def level(self, name: str) -> Any:
+        """The level of this name."""
+        return self.levels[checks.choice("level of the layer stack", name, self.levels)]
+
+    def drawn(self, name: str) -> Any:
+        """The drawn layer of a level; of a derived layer (drawn minus etched) that of the drawn one."""
+        layer = self.level(name).layer
+        while hasattr(layer, "layer1"):
+            layer = layer.layer1
+        return layer
+
+    def material(self, name: str) -> str:
+        """Material of a level."""
+        material = str(self.level(name).material)
+        hint = f"give it as materials={{{material!r}: 'SiO2'}} or the name of another material"
+        return self.materials[checks.choice(f"level {name!r}: material", material.lower(), self.materials, hint=hint)]
+
+    def background(self, names: tuple[str, ...]) -> tuple[Layer, ...]:
+        """Layers of the stack, bottom to top; the datum is the layer whose top lies at z = 0."""
+        layers: list[Layer] = []
+        edge = self.level(names[0]).zmin
+        for name in names:
+            level = self.level(name)
+            if abs(level.zmin - edge) > THIN:
+                raise checks.InputError(
+                    f"level {name!r} begins at {level.zmin:g} um, but the one below ends at {edge:g} um; levels of "
+                    "background must touch, bottom to top"
+                )
+            edge = level.zmin + level.thickness
+            layers.append(Layer(name, self.material(name), level.thickness * UM, datum=abs(edge) < THIN))
+        return tuple(layers)
+
+    def part(self, name: str, **place: float) -> Part:
+        """The part of a level, at a place that its fields give."""
+        level = self.level(name)
+        return Part(
+            name=CORE if name == self.core else name,
+            material=self.material(name),
+            bottom=level.zmin * UM,
+            height=level.thickness * UM,
+            sidewall_angle=math.radians(90 - (level.sidewall_angle or 0.0)),
+            heated=name == self.core or "heater" in name.lower(),
+            **place,
+        )
+
+    def lean(self, name: str) -> float:
+        """What is added to each side of a drawn width, in m, to get that at half of the height."""
+        level = self.level(name)
+        slope = math.tan(math.radians(level.sidewall_angle or 0.0))
+        return float(slope * (level.width_to_z - 0.5) * level.thickness * UM)
 
 
 def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
@@ -151,40 +209,6 @@ def _library() -> Any:
     return gdsfactory
 
 
-def _level(levels: Mapping[str, Any], name: str) -> Any:
-    return levels[checks.choice("level of the layer stack", name, levels)]
-
-
-def _drawn(levels: Mapping[str, Any], name: str) -> str:
-    """Name of the drawn layer of a level; of a derived layer (drawn minus etched) that of the drawn one."""
-    layer = _level(levels, name).layer
-    while hasattr(layer, "layer1"):
-        layer = layer.layer1
-    return str(layer)
-
-
-def _material(level: Any, name: str, material_of: Mapping[str, str]) -> str:
-    material = str(level.material)
-    hint = f"give it as materials={{{material!r}: 'SiO2'}} or the name of another material"
-    return material_of[checks.choice(f"level {name!r}: material", material.lower(), material_of, hint=hint)]
-
-
-def _layers(levels: list[Any], names: tuple[str, ...], material_of: Mapping[str, str]) -> tuple[Layer, ...]:
-    """Layers of the stack, bottom to top; the datum is the layer whose top lies at z = 0."""
-    layers: list[Layer] = []
-    edge = levels[0].zmin
-    for name, level in zip(names, levels, strict=True):
-        if abs(level.zmin - edge) > THIN:
-            raise checks.InputError(
-                f"level {name!r} begins at {level.zmin:g} um, but the one below ends at {edge:g} um; levels of "
-                "background must touch, bottom to top"
-            )
-        edge = level.zmin + level.thickness
-        material = _material(level, name, material_of)
-        layers.append(Layer(name, material, level.thickness * UM, datum=abs(edge) < THIN))
-    return tuple(layers)
-
-
 def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
     """Radius in m of the circle as long as the ring: L/(2 pi), with the length L of four bends and the straights."""
     radius = settings.get("radius")
@@ -194,38 +218,9 @@ def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
     if "bend" not in settings:
         return float(radius) * UM
     bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
-    length_x = settings.get("length_x") or 0.0
-    length_y = settings.get("length_y") or 0.0
-    length = 4 * float(bend.info["length"]) + (2 * length_x + 2 * length_y)
+    straights = (settings.get("length_x") or 0.0) + (settings.get("length_y") or 0.0)
+    length = 4 * float(bend.info["length"]) + 2 * straights
     return length / (2 * math.pi) * UM
-
-
-def _part(name: str, core: str, level: Any, radius: float, width: float, material_of: Mapping[str, str]) -> Part:
-    """A ring part from a level and the width of its section, which gdsfactory gives at the height ``width_to_z``."""
-    inner, outer = ring(radius, width * UM + 2 * _lean(level), of=f"{name}: ")
-    return Part(
-        name=CORE if name == core else name,
-        inner_radius=inner,
-        outer_radius=outer,
-        **_standing(name, core, level, material_of),
-    )
-
-
-def _standing(name: str, core: str, level: Any, material_of: Mapping[str, str]) -> dict[str, Any]:
-    """Fields of a part but its place and width."""
-    return {
-        "material": _material(level, name, material_of),
-        "bottom": level.zmin * UM,
-        "height": level.thickness * UM,
-        "sidewall_angle": math.radians(90 - (level.sidewall_angle or 0.0)),
-        "heated": name == core or "heater" in name.lower(),
-    }
-
-
-def _lean(level: Any) -> float:
-    """What is added to each side of a drawn width, in m, to get that at half of the height."""
-    slope = math.tan(math.radians(level.sidewall_angle or 0.0))
-    return float(slope * (level.width_to_z - 0.5) * level.thickness * UM)
 
 
 class Drawing(NamedTuple):
@@ -256,13 +251,22 @@ def drawn_component(
     source = f"component {component.name}"
     widened: dict[str, float] = {}
     if layers is None or section is None:
-        levels = gf.get_active_pdk().layer_stack.layers
-        heaters = [name for name in levels if "heater" in name.lower() and _areas(component, _layer(levels, name))]
-        drawn = {name: _level(levels, name) for name in (CORE, *heaters)}
-        layers = {name: _layer(levels, name) for name in drawn}
-        widened = {name: _lean(level) / UM for name, level in drawn.items()}
-        section = _straight_section(source, levels, drawn)
-        _say_left_out(component, levels, layers)
+        stack = _Stack(gf.get_active_pdk().layer_stack.layers)
+        layer_of = {name: stack.drawn(name).layer for name in stack.levels}
+        filled = {name for name, layer in layer_of.items() if _areas(component, layer)}
+        names = [CORE, *(name for name in layer_of if "heater" in name.lower() and name in filled)]
+        layers = {name: layer_of[name] for name in names}
+        widened = {name: stack.lean(name) / UM for name in names}
+        section = _straight_section(source, stack, names)
+        taken = {*BACKGROUND, *(name for name, layer in layer_of.items() if layer in layers.values())}
+        left_out = [name for name in layer_of if name in filled - taken]
+        if left_out:
+            log.warning(
+                "%s also draws %s, which are left out: a layout has cores and heaters; give a section whose "
+                "parts they are, with layers",
+                source,
+                ", ".join(left_out),
+            )
     polygons = {}
     for part, layer in layers.items():
         areas = _areas(component, layer)
@@ -280,31 +284,16 @@ def drawn_component(
     return Drawing(source, section, polygons, labels, instances)
 
 
-def _straight_section(name: str, levels: Mapping[str, Any], drawn: Mapping[str, Any]) -> CrossSection:
+def _straight_section(name: str, stack: _Stack, drawn: Iterable[str]) -> CrossSection:
     """Layers of the background, with a part for each of the ``drawn`` levels; a shape brings its own width."""
-    stacked = [_level(levels, level) for level in BACKGROUND]
-    parts = []
-    for part, level in drawn.items():
-        standing = _standing(part, CORE, level, MATERIALS)
-        parts.append(Part(part, x=0.0, width=SECTION_WIDTH, **standing))
     return CrossSection(
         name,
-        layers=_layers(stacked, BACKGROUND, MATERIALS),
-        parts=tuple(parts),
-        bottom=Boundary("open"),
-        outer=Boundary("open"),
+        layers=stack.background(BACKGROUND),
+        parts=tuple(stack.part(level, x=0.0, width=SECTION_WIDTH) for level in drawn),
         kind="straight",
         length=SECTION_LENGTH,
         half_width=SECTION_LENGTH / 2,
-    )
-
-
-def _layer(levels: Mapping[str, Any], name: str) -> Any:
-    """The drawn layer of a level, as the component knows it."""
-    layer = _level(levels, name).layer
-    while hasattr(layer, "layer1"):
-        layer = layer.layer1
-    return layer.layer
+    ).opened()
 
 
 def _areas(component: Any, layer: Any) -> list[shapely.Polygon]:
@@ -321,19 +310,3 @@ def _areas(component: Any, layer: Any) -> list[shapely.Polygon]:
 def _um(points: Any, unit: float) -> list[tuple[float, float]]:
     """Corners of a polygon in um."""
     return [(point.x * unit, point.y * unit) for point in points]
-
-
-def _say_left_out(component: Any, levels: Mapping[str, Any], taken: Mapping[str, Any]) -> None:
-    """Warn of levels, such as slabs and metal, that are drawn on layers that are not ``taken``."""
-    drawn = []
-    for name in levels:
-        layer = _layer(levels, name)
-        if name not in BACKGROUND and layer not in taken.values() and _areas(component, layer):
-            drawn.append(name)
-    if drawn:
-        log.warning(
-            "component %s also draws %s, which are left out: a layout has cores and heaters; give a section whose "
-            "parts they are, with layers",
-            component.name,
-            ", ".join(drawn),
-        )

@@ -1,5 +1,5 @@
 """Full-order transients: in closed form, by time stepping, with k(T) and c_p(T), and over successive time windows."""
 
-from .integration import Ledger, integrate, integrate_periodic
+from .integration import integrate, integrate_periodic
 
-__all__ = ["Ledger", "integrate", "integrate_periodic"]
+__all__ = ["integrate", "integrate_periodic"]

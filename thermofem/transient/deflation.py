@@ -22,7 +22,7 @@ estimate and the distance of the interpolation from two further stages are each 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -35,8 +35,8 @@ from ..arrays import Array, ArrayLike
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, WEIGHTS, Stepper
 from .fast_part import Advanced, FastPart, FieldState, Inside
-from .integration import Ledger, between
-from .nonlinear import NonlinearEquations, NonlinearLedger
+from .integration import between
+from .nonlinear import Ledger, NonlinearEquations
 from .remainders import SETTLED_SHARE, LinearRemainder, NonlinearRemainder
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class FieldIntegrator:
         basis: Basis,
         *,
         tolerance: float,
-        ledger: Ledger | NonlinearLedger | None = None,
+        ledger: Ledger | None = None,
         direct: Sequence[float] = (),
         factors: Pencil | None = None,
     ) -> None:
@@ -91,9 +91,7 @@ class FieldIntegrator:
 
     def start(self) -> FieldState:
         """The field at ambient temperature, at t = 0."""
-        n, columns = self.equations.forcing.shape
-        k = columns - len(self.linear.inputs)
-        return FieldState(0.0, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(columns))
+        return self.begin(np.zeros(self.linear.order))
 
     def begin(self, x: Array) -> FieldState:
         """The field with the rise x in K, shape (n,), at t = 0."""
@@ -157,7 +155,7 @@ class FieldIntegrator:
             taken.append((t, h, inside))
             kept = between(keep, t, t + h)
             if kept.size:
-                fields[kept] += whole()((keep[kept] - t) / h)
+                fields[kept] += whole((keep[kept] - t) / h)
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done = done // 4
@@ -212,15 +210,12 @@ class FieldIntegrator:
         allowed = SETTLED_SHARE * self.tolerance / (reach * max(reach.size, 1))
         return FastPart(self.basis, state.time, state.z, waves, times, self.equations.curved, allowed)
 
-    def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
+    def _drained(self, ledger: Ledger, fast: FastPart, length: float, r: Array) -> float:
         """Heat in J that leaves in a window of this length, from the mean field and its change."""
         amplitudes = np.stack([fast.values[0], fast.mean(), fast.values[-1]])
         fields = amplitudes @ self.basis.vectors.T + r
-        begin, _, end = fields
-        slopes = np.zeros_like(fields)
-        slopes[1] = (end - begin) / length
         only_mean = np.array([0.0, 1.0, 0.0])
-        return ledger.outflow(length, only_mean, fields, slopes)
+        return ledger.outflow(length, only_mean, fields)
 
     def _steps(self, window: float, last: float) -> int:
         """Initial number of steps of a window; a step is the first window over a power of four, at most ``last``."""
@@ -233,7 +228,7 @@ class FieldIntegrator:
 
     def _step(
         self, fast: FastPart, state: FieldState, t: float, h: float
-    ) -> tuple[FieldState, float, Inside, Callable[[], Inside]] | None:
+    ) -> tuple[FieldState, float, Inside, Inside] | None:
         """Take one step; returns the new state, the error over the tolerance, and outputs and r inside the step."""
         piece = fast.piece(t, h)
         allowed = ERROR_SHARE * self.tolerance
@@ -243,9 +238,10 @@ class FieldIntegrator:
         step = self.equations.step(fast, piece, state, t, h)
         if step is None:
             return None
-        outputs = step.states @ self.linear.C.T
-        inside = Inside(outputs[0], outputs[3], outputs[5], h * step.output_rate)
-        apart = outputs[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT])
+        C = self.linear.C
+        whole = Inside(step.states[0], step.states[3], step.states[5], h * step.end_rate)
+        inside = Inside(*(C @ values for values in whole))
+        apart = step.states[LOOKED_AT] @ C.T - inside(STAGE_TIMES[LOOKED_AT])
         end_error, inside_error = self._errors(step.estimate, apart)
         largest = max(missed, end_error, inside_error)
         if not largest <= 1:
@@ -254,19 +250,12 @@ class FieldIntegrator:
         z = fast.z(np.array([t, t + h]))
         heat_out = state.heat_out + float(self.direct @ piece.energy)
         if self.ledger:
-            V = self.basis.vectors
-            fields = step.amplitudes @ V.T + step.states
-            slopes = step.slopes + V @ (z[1] - z[0]) / h
-            heat_out += self.ledger.outflow(h, WEIGHTS, fields, slopes)
+            fields = step.amplitudes @ self.basis.vectors.T + step.states
+            heat_out += self.ledger.outflow(h, WEIGHTS, fields)
         heat_in = state.heat_in + float(piece.energy.sum())
         new = FieldState(
             t + h, z[1], step.states[-1], step.slopes[-1], piece.stages[-1], h, heat_in, heat_out, step.correction
         )  # fmt: skip
-
-        def whole() -> Inside:
-            rate = self.equations.rate(step)
-            return Inside(step.states[0], step.states[3], step.states[5], h * rate)
-
         return new, error, inside, whole
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:

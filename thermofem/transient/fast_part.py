@@ -20,6 +20,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from .. import checks
 from ..algebra.krylov import Basis
@@ -122,20 +123,13 @@ class FastPart:
         return np.stack([wave(t) for wave in self.waves], axis=-1)
 
     @cached_property
-    def _cubics(self) -> Array:
-        """Coefficients of u^m of z on every grid interval, shape (4, intervals, k)."""
-        first, last = np.diff(self.grid)[:, None] * self.slopes
-        return _coefficients(self.values, first, last)
-
-    def z(self, t: ArrayLike) -> Array:
-        """Amplitudes z at any times of the window, shape (*t.shape, k)."""
-        t = np.asarray(t, dtype=float)
-        before = np.searchsorted(self.grid, t, side="right") - 1
-        i = np.clip(before, 0, self.grid.size - 2)
-        h = self.grid[i + 1] - self.grid[i]
-        u = ((t - self.grid[i]) / h)[..., None]
-        c0, c1, c2, c3 = self._cubics[:, i]
-        return c0 + u * (c1 + u * (c2 + u * c3))
+    def z(self) -> PPoly:
+        """Amplitudes z at any times t of the window, shape (*t.shape, k)."""
+        h = np.diff(self.grid)[:, None]
+        first, last = h * self.slopes
+        coefficients = _coefficients(self.values, first, last)
+        powers = h ** np.arange(4)[:, None, None]
+        return PPoly((coefficients / powers)[::-1], self.grid)
 
     def mean(self) -> Array:
         """Mean of z over the window, shape (k,)."""

@@ -16,6 +16,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from .. import checks
 from ..algebra.factor import Pencil
@@ -23,31 +24,10 @@ from ..arrays import Array, ArrayLike, Indices
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
-from .nonlinear import NonlinearEquations, NonlinearLedger
+from .nonlinear import Ledger, NonlinearEquations
 
 if TYPE_CHECKING:
     from ..models import StateSpace
-
-
-@dataclass(frozen=True, eq=False)
-class Ledger:
-    """Terms of the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
-
-    ``direct`` is the fraction of the power that enters at held unknowns, where a heated part touches a held boundary.
-    """
-
-    storage: Array
-    drain_A: Array
-    drain_E: Array
-    direct: float = 0.0
-
-    def content(self, x: Array) -> float:
-        """Heat in the field in J."""
-        return float(self.storage @ x)
-
-    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
-        """Heat in J that left during one step of length h, by the quadrature ``weights`` of its stages."""
-        return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +82,7 @@ def integrate(
     rtol: float = 1e-4,
     initial: Array | None = None,
     snapshots: ArrayLike = (),
-    ledger: Ledger | NonlinearLedger | None = None,
+    ledger: Ledger | None = None,
     factors: Pencil | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
@@ -148,7 +128,7 @@ def integrate_periodic(
     *,
     rtol: float = 1e-4,
     initial: Array | None = None,
-    ledger: Ledger | NonlinearLedger | None = None,
+    ledger: Ledger | None = None,
     factors: Pencil | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
@@ -332,7 +312,7 @@ class _Record:
         stepper: Stepper,
         times: Array,
         kept: Array,
-        ledger: Ledger | NonlinearLedger | None,
+        ledger: Ledger | None,
         x: Array,
         progress: Callable[[float], None] | None = None,
         before: float = 0.0,
@@ -358,15 +338,14 @@ class _Record:
         read = between(self.times, t, t + h)
         kept = between(self.kept, t, t + h)
         if read.size or kept.size:
-            begin_rate = h * self.stepper.rate(states[0], slopes[0])
-            end_rate = h * self.stepper.rate(states[-1], slopes[-1])
-            ends = np.stack([states[0], states[-1], begin_rate, end_rate])
-            output_ends = ends @ C.T
-            self.outputs[read] = hermite((self.times[read] - t) / h, *output_ends)
+            ends = states[[0, -1]]
+            rates = np.stack([self.stepper.rate(states[k], slopes[k]) for k in (0, -1)])
+            outputs = CubicHermiteSpline([0.0, h], ends @ C.T, rates @ C.T)
+            self.outputs[read] = outputs(self.times[read] - t)
             if kept.size:
-                self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
+                self.snapshots[kept] = CubicHermiteSpline([0.0, h], ends, rates)(self.kept[kept] - t)
         if self.ledger:
-            self.heat_out += self.ledger.outflow(h, WEIGHTS, states, slopes)
+            self.heat_out += self.ledger.outflow(h, WEIGHTS, states)
         if self.progress:
             self.progress(self.before + t + h)
 
@@ -404,11 +383,3 @@ def between(times: Array, start: float, stop: float) -> Indices:
     slack = 1e-9 * (stop - start)
     first, end = np.searchsorted(times, [start + slack, stop + slack], side="right")
     return np.arange(first, end)
-
-
-def hermite(u: Array, x0: Array, x1: Array, d0: Array, d1: Array) -> Array:
-    """Cubic through both ends of a step with their slopes (times the step); u in 0..1, result (u, components)."""
-    u = u[:, None]
-    quadratic = 3 * (x1 - x0) - 2 * d0 - d1
-    cubic = 2 * (x0 - x1) + d0 + d1
-    return x0 + u * (d0 + u * (quadratic + u * cubic))

@@ -29,8 +29,8 @@ from ..algebra.pole_responses import pole_responses
 from ..arrays import Array, ArrayLike, Indices
 from ..waveforms import Waveform
 from .esdirk import FAR
-from .integration import Ledger, Trajectory, check_run
-from .nonlinear import NonlinearLedger
+from .integration import Trajectory, check_run
+from .nonlinear import Ledger
 
 if TYPE_CHECKING:
     from ..models import StateSpace
@@ -76,7 +76,7 @@ class Modal:
         *,
         rtol: float,
         snapshots: ArrayLike = (),
-        ledger: Ledger | NonlinearLedger | None = None,
+        ledger: Ledger | None = None,
         periodic: bool = False,
     ) -> Trajectory | None:
         """Outputs C x and fields, from rest or in the periodic state.
@@ -123,7 +123,7 @@ class Modal:
             return None
         V = basis.vectors
         snapshots = solution.z[shown] @ V.T if shown.size else np.empty((0, self.system.order))
-        heat = _balance(solution, ledger, wave, stop) if isinstance(ledger, Ledger) else [np.nan] * 3
+        heat = _balance(solution, ledger, wave, stop) if ledger else [np.nan] * 3
         return Trajectory(
             times=times,
             outputs=solution.outputs[every.searchsorted(times)],
@@ -225,6 +225,6 @@ def _balance(solution: Solution, ledger: Ledger, wave: Waveform, end: float) -> 
     decayed = basis.heating[:, 0] * entered - change
     integral = basis.vectors @ (decayed / basis.rate)
     gained = basis.vectors @ change
-    drained = float(ledger.drain_A @ integral + ledger.drain_E @ gained)
-    left = ledger.direct * entered + drained
+    drained = ledger.drain(integral) - ledger.held(gained)
+    left = ledger.direct * entered + float(drained[0])
     return entered, ledger.content(gained), left

@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, hstack
+from scipy.sparse import hstack
 
 from ..algebra.factor import Pencil
 from ..arrays import Array
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper, through
-from .nonlinear import NodalOperator, NonlinearEquations
+from .nonlinear import NodalOperator, NonlinearEquations, at_nodes
 
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
@@ -74,7 +74,7 @@ class NewtonStepper(Stepper):
         self.nodal = _Nodal(system.content, self.E.diagonal())
         self._both = hstack([system.content.matrix, system.flow.matrix], format="csr")
         self._near = Pencil(self.E, -self.A)
-        self._neighbours = [_Neighbour(operator, self._near) for operator in (system.content, system.flow)]
+        self._neighbours = [_Neighbour(operator) for operator in (system.content, system.flow)]
         self._last: tuple[Array, Array] | None = None  # slope and dH/dt in W where the last step ended
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
@@ -213,22 +213,11 @@ class _Nodal:
 
 
 class _Neighbour:
-    """Symmetric approximation of the Jacobian of a `NodalOperator`, on the sparsity pattern of a `Pencil`."""
+    """Symmetric approximation of the Jacobian of a `NodalOperator`."""
 
-    def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
+    def __init__(self, operator: NodalOperator) -> None:
         self.operator = operator
-        n = operator.matrix.shape[0]
-        self.places = pencil.rows_and_columns
-        self.rest = np.zeros(self.places[0].size)
-        self.laws = []
-        where, values = pencil.entries(operator.matrix[:, :n])
-        self.rest[where] = values
-        for _, at, block in operator.parts():
-            block = block.tocoo()
-            spread = csr_matrix((block.data, (block.row, at[block.col])), shape=(n, n))
-            where, values = pencil.entries(spread)
-            self.laws.append((at, where, values))
-        self.slopes = [np.ones(at.size) for at, *_ in self.laws]
+        self.slopes = [np.ones(nodes.size) for _, nodes in operator.laws]
 
     def drift(self, x: Array) -> float:
         """Largest relative change of a law's derivative since `at`; InputError for a law that is not positive."""
@@ -236,13 +225,11 @@ class _Neighbour:
         ratios = [slope / before for slope, before in zip(new, self.slopes, strict=True)]
         return max([float(np.abs(ratio - 1).max()) for ratio in ratios], default=0.0)
 
-    def at(self, x: Array) -> Array:
-        """Matrix entries of the approximation at the rise ``x``, in the order of the pencil's pattern."""
+    def at(self, x: Array) -> Any:
+        """The approximation at the rise ``x``, sparse."""
         self.slopes = self.operator.slopes(x)
-        total = self.rest.copy()
-        rows, columns = self.places
-        for (at, where, values), slope in zip(self.laws, self.slopes, strict=True):
-            root = np.zeros(x.size)
-            root[at] = np.sqrt(slope)
-            total[where] += values * root[rows[where]] * root[columns[where]]
+        total = self.operator.matrix[:, : x.size]
+        for (_, nodes, block), slope in zip(self.operator.parts(), self.slopes, strict=True):
+            root = at_nodes(np.sqrt(slope), nodes, x.size)
+            total = total + root.T @ block[nodes] @ root
         return total

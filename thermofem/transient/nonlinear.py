@@ -84,8 +84,7 @@ class NodalOperator:
         """Jacobian matrix at the rise ``x``, sparse."""
         blocks = [identity(x.size)]
         for (_, nodes), slope in zip(self.laws, self.slopes(x), strict=True):
-            row_starts = np.arange(nodes.size + 1)
-            blocks.append(csr_matrix((slope, nodes, row_starts), shape=(nodes.size, x.size)))
+            blocks.append(at_nodes(slope, nodes, x.size))
         return self.matrix @ vstack(blocks, format="csr")
 
     def derivative(self, x: Array) -> Callable[[Array], Array]:
@@ -108,6 +107,11 @@ class NodalOperator:
             start = stop
 
 
+def at_nodes(values: Array, nodes: Indices, count: int) -> csr_matrix:
+    """Matrix that picks the nodes out of ``count`` unknowns, each times its value; sparse, shape (nodes, count)."""
+    return csr_matrix((values, nodes, np.arange(nodes.size + 1)), shape=(nodes.size, count))
+
+
 @dataclass(frozen=True, eq=False)
 class NonlinearEquations:
     """d/dt H(x) = -F(x) + B P and the outputs y = C x; `thermofem.models.NonlinearSystem` makes it a thermal model.
@@ -127,13 +131,13 @@ def factorize_general(matrix: Any) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearLedger:
-    """Terms of the energy balance with enthalpies.
+class Ledger:
+    """Terms of the energy balance: heat stored, and heat flowing out = drain - d(held)/dt + direct P.
 
     stored, held [NodalOperator with one row; J]: enthalpy of everything, and the part of it that belongs to the held
         unknowns.
     drain [NodalOperator with one row; W]: heat that flows out through held unknowns and convective boundaries.
-    direct: fraction of the power that enters at held unknowns.
+    direct: fraction of the power that enters at held unknowns, where a heated part touches a held boundary.
     """
 
     stored: NodalOperator
@@ -145,7 +149,7 @@ class NonlinearLedger:
         """Heat in the field in J."""
         return float(self.stored(x)[0])
 
-    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
+    def outflow(self, h: float, weights: Array, states: Array) -> float:
         """Heat in J that left during one step of length h, by the quadrature ``weights`` of its stages."""
         drains = self.drain.extended(states) @ self.drain.matrix.toarray()[0]
         gained_by_held = self.held(states[-1])[0] - self.held(states[0])[0]
@@ -192,6 +196,18 @@ def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
         if kept.size:
             laws.append((law, kept))
     return NodalOperator(csr_matrix(total[:, needed]), tuple(laws), operator.ambient)
+
+
+def ledger_of(flow: NodalOperator, content: NodalOperator, held: Indices) -> Ledger:
+    """The `Ledger` of operators F and H with the rows of all unknowns, of which those of ``held`` do not move.
+
+    The rows of the held unknowns, left out of the system, give their reaction: -(dH/dt + F) is the heat that flows out
+    there. The sum of F over all rows is the loss by convection, as conduction and contacts have zero column sums.
+    """
+    ones = np.ones((1, content.matrix.shape[0]))
+    of_held = np.zeros_like(ones)
+    of_held[0, held] = 1
+    return Ledger(rows(content, ones), rows(content, of_held), rows(flow, ones - of_held))
 
 
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone

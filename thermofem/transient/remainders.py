@@ -41,9 +41,7 @@ class RemainderStep(NamedTuple):
     estimate: Array
     """(n,): embedded estimate of the error of r, K."""
     end_rate: Array
-    """(n,): dr/dt at the end, of which `rate` makes K/s."""
-    output_rate: Array
-    """(outputs,): C dr/dt at the end, K/s."""
+    """(n,): dr/dt at the end, K/s."""
     amplitudes: Array
     """(6, k): z at the stages, with which the heat that leaves is computed."""
     correction: Array | float
@@ -88,10 +86,6 @@ class LinearRemainder(_Parts):
         s = self.stepper
         return s.solve(0.0, self.forcing @ source + s.A @ r)
 
-    def rate(self, step: RemainderStep) -> Array:
-        """dr/dt at the end of a step, K/s."""
-        return step.end_rate
-
     def step(self, fast: FastPart, piece: Piece, state: FieldState, t: float, h: float) -> RemainderStep | None:
         """One step; None where it must be shorter."""
         s = self.stepper
@@ -103,7 +97,7 @@ class LinearRemainder(_Parts):
         slopes, states = solution
         estimate = h * ((WEIGHTS - EMBEDDED) @ slopes)
         amplitudes = piece.stages[:, piece.energy.size :]
-        return RemainderStep(slopes, states, estimate, slopes[-1], s.C @ slopes[-1], amplitudes, 0.0)
+        return RemainderStep(slopes, states, estimate, slopes[-1], amplitudes, 0.0)
 
     def revised(self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float) -> RevisedEnd:
         """End of a revised window; ``gained`` [J]: energy of each input beyond that before.
@@ -132,17 +126,12 @@ class NonlinearRemainder(_Parts):
         self.curved = curvature(system, basis)
         self.flow = flow_of(system, basis.vectors)
         self.loads = np.column_stack([self.KV, self.forcing, self.EV])
-        self.readers = np.stack([self.stepper.solve(0.0, row) for row in linear.C])
 
     def begin(self, x: Array, z: Array, r: Array, source: Array) -> Array:
         """Slope at the start from a field x = V z + r with the powers and amplitudes ``source``."""
         (flow,), _ = self.curved(z[None])
         load = self.loads @ np.concatenate([z, source, flow])
         return load - self.stepper.system.flow(x)
-
-    def rate(self, step: RemainderStep) -> Array:
-        """dr/dt at the end of a step, K/s."""
-        return self.stepper.solve(0.0, step.end_rate)
 
     def step(self, fast: FastPart, piece: Piece, state: FieldState, t: float, h: float) -> RemainderStep | None:
         """One step; None where it must be shorter."""
@@ -156,9 +145,9 @@ class NonlinearRemainder(_Parts):
         if solution is None:
             return None
         slopes, states = solution
-        end_rate = self._load(piece, z[-1], states[-1], slopes[-1])
+        end_rate = s.solve(0.0, self._load(piece, z[-1], states[-1], slopes[-1]))
         estimate = s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
-        return RemainderStep(slopes, states, estimate, end_rate, self.readers @ end_rate, z, correction[-1])
+        return RemainderStep(slopes, states, estimate, end_rate, z, correction[-1])
 
     def revised(self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float) -> RevisedEnd:
         """End of a revised window; ``gained`` [J]: energy of each input beyond that before.
