@@ -87,7 +87,7 @@ def from_gdsfactory(
             f"component holds a loop of {length:.4g} um, but its settings make a ring of "
             f"{circumference / UM:.4g} um; build this CrossSection from th.Part"
         )
-    level_on = {str(stack.drawn(name)): name for name in (*reversed(stack.levels), core)}
+    level_on = {str(stack.drawn(name)): name for name in (*reversed(list(stack.levels)), core)}
     hint = "sections beside the middle are not imported: build this CrossSection from th.Part"
     parts: dict[str, Part] = {}
     for section in sections:
