@@ -34,6 +34,7 @@ from ..geometry.ring_sections import strip_ring
 from ..mesh import Mesh, committed_mesh, mesh_for
 from ..mesh.element_sizes import sizes
 from ..mesh.mesh_motion import Motion, quality
+from ..mesh.triangles import sides
 from ..optics.modes import Light
 from .error_estimate import Estimate
 from .heat_problem import HeatProblem
@@ -168,9 +169,8 @@ def _touching(mesh: Mesh, point: tuple[float, float]) -> Mask:
 
 def _longest(mesh: Mesh) -> Array:
     """Length in m of the longest edge of each triangle."""
-    corners = mesh.points[mesh.triangles]
-    edges = corners - np.roll(corners, 1, axis=1)
-    return np.linalg.norm(edges, axis=-1).max(axis=1)
+    lengths = np.linalg.norm(sides(mesh.points[mesh.triangles]), axis=-1)
+    return lengths.max(axis=1)
 
 
 def _largest(share: Array, aim: float) -> Mask:

@@ -30,7 +30,7 @@ from skfem.refdom import RefTri
 
 from ..arrays import Array
 from ..geometry.regions import distance, nearest
-from ..mesh.triangles import radii, sampled
+from ..mesh.triangles import radii, sampled, sides
 from .weak_forms import magnitude, summed, volume
 
 if TYPE_CHECKING:
@@ -59,8 +59,7 @@ def shell_integral(
     thickness = float(probe.shell or 0)
     corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))  # in the order of the basis, which may not be ours
     far = distance(corners, outline)
-    sides = corners - np.roll(corners, 1, axis=1)
-    lengths = np.linalg.norm(sides, axis=-1)
+    lengths = np.linalg.norm(sides(corners), axis=-1)
     longest = lengths.max(axis=1)
     outside = mesh.region != mesh.region_names.index(probe.part)
     inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
@@ -73,13 +72,12 @@ def shell_integral(
         corners = np.moveaxis(points[:, grid.t], (0, 1, 2), (2, 1, 0))
         _, vertices = cKDTree(grid.p.T).query(outline)
         outline = points.T[vertices]
-        sides = corners - np.roll(corners, 1, axis=1)
     small = np.einsum("qk,ckx->cqx", weights, corners[cells])
     begins = outline[index, 0]
     along = outline[index, 1] - begins
     feet = begins + place[..., None] * along
     far = np.sqrt(((small - feet) ** 2).sum(axis=-1))
-    edge = sides[cells, lengths[cells].argmax(axis=1)]
+    edge = sides(corners)[cells, lengths[cells].argmax(axis=1)]
     size = np.sqrt((edge**2).sum(axis=-1)) / FINENESS
     depth = (thickness + thicker - far) / size[:, None]
     on_edge = np.abs(depth.real) < 0.5

@@ -60,7 +60,7 @@ class Face:
 
     def edges(self) -> Array:
         """All its edges in m, shape (n, 2 ends, 2)."""
-        return np.concatenate([_closed(ring) for ring in self.rings])
+        return np.concatenate([closed(ring) for ring in self.rings])
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Subdivision:
         return distance(points, edges) < max(100 * CUT_GRID, 1e-9 * size)
 
 
-def _closed(ring: Array) -> Array:
+def closed(ring: Array) -> Array:
     """Edges of the closed polygon through the corners ``ring``, shape (n, 2 ends, 2)."""
     return np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
 
@@ -250,19 +250,14 @@ def _check_thickness(face: Face, boundaries: dict[str, Array]) -> None:
     """Raise InputError where a corner of the face is closer than an atom to an edge that does not end there."""
     edges = face.edges()
     corners = edges[:, 0]
-    along = edges[:, 1] - corners
-    offset = corners[:, None] - corners
-    projection = np.einsum("cex,ex->ce", offset, along)
-    share = np.clip(projection / np.einsum("ex,ex->e", along, along), 0, 1)
-    gap = np.linalg.norm(offset - share[..., None] * along, axis=-1)
-    same = (corners[:, None, None] == edges).all(axis=-1)
-    ends_there = same.any(axis=-1)
+    gap = shapely.distance(shapely.points(corners)[:, None], shapely.linestrings(edges))
+    ends_there = (corners[:, None, None] == edges).all(axis=-1).any(axis=-1)
     gap[ends_there] = np.inf
     thickness = gap.min()
     if thickness < THINNEST:
         place = corners[gap.min(axis=1).argmin()]
         r, z = place
-        outlines_there = [name for name in boundaries if distance(place, _closed(boundaries[name])) < THINNEST]
+        outlines_there = [name for name in boundaries if distance(place, closed(boundaries[name])) < THINNEST]
         raise InputError(
             f"{face.owner!r} has a sliver of {thickness:.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
             f"atom; make the outlines of {' and '.join(map(repr, outlines_there))} agree there"
@@ -341,7 +336,7 @@ def _cut_off(geometry: CrossSection, piece: list[Face]) -> InputError:
     around = []
     for part in geometry.parts:
         if part.material == VOID and part.height:
-            gaps = distance(middles, _closed(part.outline()))
+            gaps = distance(middles, closed(part.outline()))
             if gaps.min() < 100 * CUT_GRID:
                 around.append(part.name)
     if around:

@@ -32,9 +32,9 @@ import shapely
 from ..algebra.factor import factorize
 from ..arrays import Array, Indices, Mask, NDArray, scattered
 from ..checks import InputError
-from ..geometry.regions import CUT_GRID, distance, outlines
+from ..geometry.regions import CUT_GRID, closed, distance, nearest, outlines
 from ..materials.material_library import VOID
-from .triangles import Mesh, signed_areas
+from .triangles import Mesh, sides, signed_areas
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -70,30 +70,23 @@ class Motion:
         Shapes (vertices, 2), (vertices, c) and (vertices, 2); zero where a vertex lies on no edge.
         """
         points = self._once.points
+        count = len(self.corners)
+        edges = self.corners[self._cut.ends]
+        away, edge, share = nearest(points, edges)
         # a vertex this near to an edge lies on it
         slack = 1e-9 * float(np.abs(self.corners).max())
-        shares = np.zeros((len(points), len(self.corners)))
-        held = np.zeros((len(points), 2), dtype=bool)
-        ends = np.zeros((len(points), 2), dtype=np.intp)
-        for a, b in self._cut.ends.tolist():
-            along = self.corners[b] - self.corners[a]
-            length = float(np.hypot(*along))
-            r, z = (points - self.corners[a]).T
-            share = (r * along[0] + z * along[1]) / length**2
-            away = np.abs(r * along[1] - z * along[0]) / length
-            between_ends = np.abs(share - 0.5) < 0.5 + slack / length
-            there = (away < slack) & between_ends & ~held.all(axis=1)
-            shares[there] = 0.0
-            shares[there, a] = 1 - share[there]
-            shares[there, b] = share[there]
-            ends[there] = a, b
-            held[there] |= np.abs(along[::-1]) > slack  # an edge along r gives z, and the other way round
-        for c, corner in enumerate(self.corners):
-            there = np.abs(points - corner).max(axis=1) < slack
-            if not there.any():
-                raise InputError("the mesh has no vertex at a corner of this geometry; give the one it was made for")
-            shares[there] = np.eye(len(self.corners))[c]
-            held[there] = True
+        on = away < slack
+        ends = self._cut.ends[edge]
+        weights = np.column_stack([1 - share, share]) * on[:, None]
+        shares = (weights[..., None] * np.eye(count)[ends]).sum(axis=1)
+        along = edges[edge, 1] - edges[edge, 0]
+        held = (np.abs(along[:, ::-1]) > slack) & on[:, None]  # an edge along r gives z, and the other way round
+        at_corner = np.abs(points[:, None] - self.corners).max(axis=2) < slack
+        if not at_corner.any(axis=0).all():
+            raise InputError("the mesh has no vertex at a corner of this geometry; give the one it was made for")
+        is_corner = at_corner.any(axis=1)
+        shares[is_corner] = at_corner[is_corner]
+        held[is_corner] = True
         return held, shares, ends
 
     @cached_property
@@ -116,11 +109,12 @@ class Motion:
 
         Raises InputError: the other geometry has other faces, or a face with another number of corners.
         """
-        faces = geometry.subdivision.faces
-        if _counts(faces) != _counts(self._cut.faces):
+        new = _rings(geometry.subdivision.faces)
+        before = _rings(self._cut.faces)
+        if [(owner, len(ring)) for owner, ring in new] != [(owner, len(ring)) for owner, ring in before]:
             raise InputError("the new geometry has other faces than the old one, so its mesh cannot follow")
         pairs = set()
-        for ring, old in zip(_rings(faces), _rings(self._cut.faces), strict=True):
+        for (_, ring), (_, old) in zip(new, before, strict=True):
             for corner, place in zip(old.tolist(), _aligned(ring, old).tolist(), strict=True):
                 pairs.add((tuple(corner), tuple(place)))
         moved = dict(pairs)
@@ -159,21 +153,13 @@ class Motion:
 
 def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
     """4 sqrt(3) area over the sum of the squared edges: 1 for an equilateral triangle, 0 for a degenerate one."""
-    a = points[triangles[:, 0]]
-    b = points[triangles[:, 1]]
-    c = points[triangles[:, 2]]
-    squares = sum(np.sum(edge**2, axis=1) for edge in (b - a, c - b, a - c))
-    areas = signed_areas(points, triangles)
-    return 4 * np.sqrt(3) * areas / squares
+    squares = (sides(points[triangles]) ** 2).sum(axis=(1, 2))
+    return 4 * np.sqrt(3) * signed_areas(points, triangles) / squares
 
 
-def _counts(faces: tuple[Face, ...]) -> list[tuple[Any, ...]]:
-    """Owner of each face, and the number of corners of each of its outlines."""
-    return [(face.owner, *map(len, face.rings)) for face in faces]
-
-
-def _rings(faces: tuple[Face, ...]) -> list[Array]:
-    return [ring for face in faces for ring in face.rings]
+def _rings(faces: tuple[Face, ...]) -> list[tuple[str, Array]]:
+    """Outlines of faces, each with the owner of its face."""
+    return [(face.owner, ring) for face in faces for ring in face.rings]
 
 
 def _aligned(ring: Array, old: Array) -> Array:
@@ -330,8 +316,7 @@ class CornerMotion:
         for ends in self.edges.corners[self.edges.ends]:
             on_edge = []
             for name, outline in self.outlines.items():
-                sides = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
-                along = [k for k, side in enumerate(sides) if distance(ends, side[None]).max() < self.slack]
+                along = [k for k, side in enumerate(closed(outline)) if distance(ends, side[None]).max() < self.slack]
                 on_edge += [(name, k) for k in along[:1]]
             drawn.append(on_edge)
         return drawn

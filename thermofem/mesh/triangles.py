@@ -57,9 +57,7 @@ class Mesh:
         if self.depth is None and innermost < -round_off:
             raise InputError(f"r = {innermost:g} m of the mesh lies beyond the axis; r counts from the axis on")
         checks.shape("region", region, (len(triangles),))
-        corners = points[triangles]
-        sides = np.roll(corners, -1, axis=1) - corners
-        longest = (sides**2).sum(axis=2).max(axis=1)
+        longest = (sides(points[triangles]) ** 2).sum(axis=2).max(axis=1)
         area = signed_areas(points, triangles)
         # 1e-10: a triangle whose height is a smaller share of its longest side has no area
         flat = 2 * np.abs(area) <= 1e-10 * longest
@@ -113,13 +111,15 @@ def radii(r: Array, depth: float | None) -> Array:
     return r if depth is None else np.full_like(r, depth / (2 * np.pi))
 
 
+def sides(corners: Array) -> Array:
+    """Sides of triangles as vectors, for corners of shape (triangles, 3, 2): to each corner from the one before it."""
+    return corners - np.roll(corners, 1, axis=1)
+
+
 def signed_areas(points: Array, triangles: NDArray[np.int64]) -> Array:
     """Area of each triangle in m^2, positive where its corners run counterclockwise."""
-    a = points[triangles[:, 0]]
-    b = points[triangles[:, 1]]
-    c = points[triangles[:, 2]]
-    u = b - a
-    v = c - a
+    corners = points[triangles]
+    u, v = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 0)
     return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
 
 
