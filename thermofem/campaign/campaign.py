@@ -237,9 +237,9 @@ class Campaign:
         report = report or (lambda summary: None)
         folder = Folder(Path(directory).absolute())
         cases = self.cases()  # workers have other working folders
-        with folder.opened():
+        with folder.opened("failures"):
             folder.write_plan(self, cases)
-            there = folder.store.intact([case.key for case in cases])
+            there = folder.intact([case.key for case in cases])
             failed = set() if retry_failed else {case.key for case in cases if folder.reason(case.key)} - there
             waiting = [case for case in cases if case.key not in there | failed]
             summary = Summary(len(cases), reused=len(there), failed=len(failed))
@@ -255,7 +255,7 @@ class Campaign:
                     folder.write_failure(case.key, reason, self.named(case))
                     summary = replace(summary, failed=summary.failed + 1)
                 else:
-                    folder.store.enter(case.key)
+                    folder.enter(case.key)
                     folder.failure(case.key).unlink(missing_ok=True)
                     summary = replace(summary, finished=summary.finished + 1)
                 summary = replace(summary, seconds=time.perf_counter() - begin)
@@ -280,7 +280,7 @@ def compute(campaign: Campaign, folder: Folder, case: Case) -> str:
     Raises MissingLibraryError: a library is missing, which every other geometry needs as well.
     """
     try:
-        _write(_solved(campaign, case), folder.store.path(case.key))
+        _write(_solved(campaign, case), folder.path(case.key))
     except MissingLibraryError:
         raise
     except Exception as error:  # whatever stops one geometry is recorded, and the others go on

@@ -15,10 +15,9 @@ Dimensions and variables, DRIVE being the name of a drive
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ import numpy as np
 import xarray as xr
 
 from .. import checks, waveforms
-from ..arrays import Array
+from ..arrays import Array, NDArray
 from ..data import dataset, files, netcdf
 from ..data.variables import describe
 from ..errors import InputError
@@ -48,30 +47,19 @@ NUMBERS = {
 
 
 @dataclass(frozen=True)
-class Folder:
-    """The files of one campaign."""
+class Folder(Store):
+    """The files of one campaign: the finished geometries, the plan, and why others failed."""
 
-    directory: Path
-
-    @property
-    def store(self) -> Store:
-        """The finished geometries."""
-        return Store(self.directory, ".nc")
+    ending: str = ".nc"
 
     @property
     def plan(self) -> Path:
         """File that lists the geometries."""
-        return self.directory / "plan.json"
+        return self.folder / "plan.json"
 
     def failure(self, key: str) -> Path:
         """File of the reason why one geometry has no result."""
-        return self.directory / "failures" / f"{key}.json"
-
-    @contextlib.contextmanager
-    def opened(self) -> Iterator[None]:
-        """Make the folder, and lock it as long as the with-block runs; InputError where another run is using it."""
-        with self.store.opened("failures"):
-            yield
+        return self.folder / "failures" / f"{key}.json"
 
     def write_failure(self, key: str, reason: str, values: Mapping[str, Any]) -> None:
         """Store why one geometry has no result."""
@@ -88,7 +76,7 @@ class Folder:
 
     def status(self, keys: list[str]) -> list[str]:
         """Status of each geometry: "finished", "failed" or "waiting"."""
-        finished = self.store.intact(keys)
+        finished = self.intact(keys)
 
         def word(key: str) -> str:
             if key in finished:
@@ -115,7 +103,7 @@ class Folder:
     def read_plan(self) -> dict[str, Any]:
         """The plan as `write_plan` stored it; InputError where the folder holds none, or one with invalid keys."""
         if not self.plan.is_file():
-            raise InputError(f"{self.directory} holds no campaign", "thermofem campaign makes one")
+            raise InputError(f"{self.folder} holds no campaign", "thermofem campaign makes one")
         plan = checks.mapping("plan", files.read_json(self.plan, "plan"))
         if not all(KEY.fullmatch(str(case[0])) for case in plan["cases"]):  # keys become names of files
             raise InputError(f"{self.plan} was changed", "run the campaign again, which takes over its results")
@@ -154,9 +142,9 @@ def write_collections(folder: Folder) -> None:
     """Write index and training collection of a campaign, each whole or not at all."""
     plan = folder.read_plan()
     index = _index(folder, plan)
-    netcdf.save(index, folder.directory / "index.nc")
+    netcdf.save(index, folder.folder / "index.nc")
     names = [variation["name"] for variation in plan["variations"]]
-    netcdf.save(_training(index, names), folder.directory / "training.nc")
+    netcdf.save(_training(index, names), folder.folder / "training.nc")
 
 
 def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
@@ -168,13 +156,13 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     for key, state in zip(keys, status, strict=True):
         row = None
         if state == "finished":
-            path = folder.store.path(key)
+            path = folder.path(key)
             row = _read(path, plan["drives"])
             probes = probes or _probes(path)
         rows.append(row)
     coords: dict[str, Any] = {
-        "probe": ("probe", np.array(probes, dtype=object), {"long_name": "part whose mean is read"}),
-        "key": ("case", np.array(keys, dtype=object), {"long_name": "content hash, the name of the file"}),
+        "probe": _words("probe", probes, "part whose mean is read"),
+        "key": _words("case", keys, "content hash, the name of the file"),
     }
     for k, variation in enumerate(plan["variations"], 1):
         values = [case[k] for case in plan["cases"]]
@@ -185,8 +173,8 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
         coords[variation["name"]] = ("case", np.array(values, dtype=object if word else float), attrs)
     reasons = [folder.reason(key) for key in keys]
     data: dict[str, Any] = {
-        "status": ("case", np.array(status, dtype=object), {"long_name": "whether there is a result"}),
-        "reason": ("case", np.array(reasons, dtype=object), {"long_name": "why not"}),
+        "status": _words("case", status, "whether there is a result"),
+        "reason": _words("case", reasons, "why not"),
     }
 
     def over_case(name: str, dims: tuple[str, ...], shape: tuple[int, ...], attrs: dict[str, Any]) -> None:
@@ -210,6 +198,11 @@ def _index(folder: Folder, plan: dict[str, Any]) -> xr.Dataset:
     return xr.Dataset(data, coords, attrs)
 
 
+def _words(dimension: str, values: list[str], long_name: str) -> tuple[str, NDArray[Any], dict[str, str]]:
+    """Variable of texts in a Dataset."""
+    return dimension, np.array(values, dtype=object), {"long_name": long_name}
+
+
 def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
     """Training collection: finished geometries, with the varied quantities as a matrix in SI.
 
@@ -226,8 +219,8 @@ def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
     matrix = np.array(columns, dtype=float).reshape(len(names), data.sizes["case"]).T
     return data.assign(
         features=(("case", "feature"), matrix, {"long_name": "varied quantities in SI"}),
-        feature_unit=("feature", np.array(units, dtype=object), {"long_name": "its unit"}),
-    ).assign_coords(feature=("feature", np.array(names, dtype=object), {"long_name": "varied quantity"}))
+        feature_unit=_words("feature", units, "its unit"),
+    ).assign_coords(feature=_words("feature", names, "varied quantity"))
 
 
 def _probes(path: Path) -> list[str]:

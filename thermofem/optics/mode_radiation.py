@@ -81,13 +81,10 @@ def guiding_layers(mode: Mode) -> dict[str, tuple[str, float]]:
     return layers
 
 
-def _distances(mode: Mode) -> tuple[float, float, float, float]:
+def _distances(mode: Mode) -> list[float]:
     """Distances in m from the core to the ends of a window or to its layers, at the left, right, bottom and top."""
-    left, right, below, above = mode.light.surroundings.reaches(mode.n_eff, TAIL)
-    left = min(left, WIDEST)
-    right = min(right, WIDEST)
-    left, right, below, above = np.maximum(LEAST_DISTANCE, (left, right, below, above)).tolist()
-    return left, right, below, above
+    reaches = mode.light.surroundings.reaches(mode.n_eff, TAIL)
+    return np.clip(reaches, LEAST_DISTANCE, [WIDEST, WIDEST, np.inf, np.inf]).tolist()
 
 
 def _damping(mode: Mode, box: Box, depths: tuple[float, ...], radius: float, beyond: tuple[float, float]) -> float:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
+from scipy.optimize import bisect
 
 from ..arrays import Array
 from ..geometry.regions import CUT_GRID
@@ -149,19 +150,17 @@ class Surroundings:
     @cached_property
     def outline(self) -> Array:
         """Corners of the `members` together in m, counterclockwise from the inner foot, shape (4, 2)."""
-        foot = min(p.bottom for p in self.members)
-        top = max(p.top for p in self.members)
-        lowest = [p for p in self.members if p.bottom == foot]
-        highest = [p for p in self.members if p.top == top]
-        low = np.array([p.outline()[:2, 0] for p in lowest])
-        high = np.array([p.outline()[2:, 0] for p in highest])
+        x, z = np.concatenate([p.outline() for p in self.members]).T
+        foot = z.min()
+        top = z.max()
+        low = x[z == foot]
+        high = x[z == top]
         return np.array([(low.min(), foot), (low.max(), foot), (high.max(), top), (high.min(), top)])
 
     @cached_property
     def bounds(self) -> Box:
         """Left, right, foot and top of the outline in m."""
-        left, foot = self.outline.min(axis=0).tolist()
-        right, top = self.outline.max(axis=0).tolist()
+        left, foot, right, top = shapely.Polygon(self.outline).bounds
         return left, right, foot, top
 
     @property
@@ -190,10 +189,13 @@ class Surroundings:
             if passed and n > (passed[-1].n or 0.0) and exponent > BARRIER:
                 break
             passed.append(step)
-            length = step.stop - step.start
-            decay = max(self.core_index**2 - n**2, 0.0)
-            exponent += 2 * self.k0 * length * math.sqrt(decay)
+            exponent += (step.stop - step.start) * self._decay(self.core_index, n)
         return passed
+
+    def _decay(self, n_eff: float, index: float, least: float = 0.0) -> float:
+        """Decay 2 k0 (n_eff^2 - n^2)^(1/2) of the power per m, with the square at least ``least``."""
+        excess = max(n_eff**2 - index**2, least)
+        return 2 * self.k0 * math.sqrt(excess)
 
     @property
     def floor(self) -> float:
@@ -308,8 +310,7 @@ class Surroundings:
         n = self.floor + REFERENCE * (self.ceiling - self.floor)
         exponent = 0.0
         for length, index in steps:
-            excess = max(n**2 - index**2, 0.0)
-            exponent += 2 * self.k0 * length * math.sqrt(excess)
+            exponent += length * self._decay(n, index)
             if exponent > -math.log(TAIL):
                 break
         return index
@@ -333,21 +334,16 @@ class Surroundings:
         for length, index in self.steps(side):
             # n_eff^2 - n^2 is at least 1e-3, so that a reach is finite
             least = 1e-3 if math.isinf(length) else 0.0
-            excess = max(n_eff**2 - index**2, least)
-            decay = 2 * self.k0 * math.sqrt(excess)
+            decay = self._decay(n_eff, index, least)
             if decay * length >= exponent:
                 return distance + exponent / decay
             exponent -= decay * length
             distance += length
         raise AssertionError("the last step has no end")
 
-    def reaches(self, n_eff: float, tail: float) -> tuple[float, float, float, float]:
+    def reaches(self, n_eff: float, tail: float) -> tuple[float, ...]:
         """`reach` on the `SIDES`."""
-        left = self.reach("left", n_eff, tail)
-        right = self.reach("right", n_eff, tail)
-        bottom = self.reach("bottom", n_eff, tail)
-        top = self.reach("top", n_eff, tail)
-        return left, right, bottom, top
+        return tuple(self.reach(side, n_eff, tail) for side in SIDES)
 
     @cached_property
     def limits(self) -> tuple[Box, dict[str, tuple[str, float]]]:
@@ -388,13 +384,7 @@ class Surroundings:
         corners: dict[str, list[Array]] = {}
         for face in self.geometry.subdivision.faces:
             corners.setdefault(face.owner, []).append(face.rings[0])
-        boxes = {}
-        for region, rings in corners.items():
-            points = np.concatenate(rings)
-            r0, z0 = points.min(axis=0).tolist()
-            r1, z1 = points.max(axis=0).tolist()
-            boxes[region] = (r0, z0, r1, z1)
-        return boxes
+        return {region: shapely.MultiPoint(np.concatenate(rings)).bounds for region, rings in corners.items()}
 
 
 def _filled(steps: Sequence[Step], air: float | None) -> list[Step]:
@@ -428,13 +418,11 @@ def slab_index(thickness: Sequence[float], index: Sequence[float], k0: float) ->
     high = max(index)
     if high <= low or _above_fundamental(low, thickness, index, k0):
         return low
-    for _ in range(60):  # halvings, to round-off
-        middle = (low + high) / 2
-        if _above_fundamental(middle, thickness, index, k0):
-            high = middle
-        else:
-            low = middle
-    return (low + high) / 2
+
+    def above(n: float) -> float:
+        return 1.0 if _above_fundamental(n, thickness, index, k0) else -1.0
+
+    return float(bisect(above, low, high, xtol=1e-15))
 
 
 def _above_fundamental(n: float, thickness: Sequence[float], index: Sequence[float], k0: float) -> bool:
