@@ -36,7 +36,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy.sparse import diags
+from scipy.sparse.linalg import cg
 from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
@@ -237,15 +238,14 @@ class Enrichment:
         def at(numbers: Any) -> Any:
             return numbers.real + s * numbers.imag
 
-        diagonal = at(self.own.diagonal())
-        matrix = LinearOperator(self.own.shape, lambda x: at(self.own @ x), dtype=float)
-        scaled = LinearOperator(self.own.shape, lambda x: x / diagonal, dtype=float)
-        residual = load[self.free] - at(self.across @ quadratic)
+        matrix = at(self.own)
+        scaled = diags(1 / matrix.diagonal())
+        residual = load[self.free] - at(self.across) @ quadratic
         correction = np.zeros_like(load)
         for column, b in zip(correction.T, residual.T, strict=True):
             column[self.free], _ = cg(matrix, b, rtol=0.0, maxiter=STEPS, M=scaled)
         free = correction[self.free]
-        products = free.T @ at(self.own @ free)
+        products = free.T @ (matrix @ free)
         x = correction[self.cubic]
         energies = np.einsum("tia,tia->at", x, at(self.each) @ x)
         return products, energies
@@ -381,15 +381,17 @@ class MeshError:
         d = self.heat.discretization
         means = np.column_stack([d.means[name] for name in names])
         load = np.column_stack([self.enrichment.mean(self.heat, name) for name in names])
-        fields = np.zeros((len(means), len(self.shifts), len(names)))
-        fields[d.free, -1] = np.column_stack([self.static(name) for name in names])  # while the factors of 0 are there
-        for k, s in enumerate(self.shifts[:-1]):
-            fields[d.free, k] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
-        values = np.einsum("ia,isb->sab", means, fields, optimize=True)
+        static = np.column_stack([self.static(name) for name in names])  # while the factors of 0 are there
+        values = []
         products = []
         energies = []
-        for k, s in enumerate(self.shifts):
-            product, energy = self.enrichment.added(s, fields[:, k], load)
+        for s in self.shifts:
+            fields = np.zeros_like(means)
+            fields[d.free] = static
+            if s:
+                fields[d.free] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
+            product, energy = self.enrichment.added(s, fields, load)
+            values.append(means.T @ fields)
             products.append(product)
             energies.append(energy)
-        return values, np.array(products), np.array(energies)
+        return np.array(values), np.array(products), np.array(energies)

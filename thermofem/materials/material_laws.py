@@ -108,13 +108,9 @@ class Polynomial:
 @lru_cache(maxsize=64)
 def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
     """Coefficients of the integral of f from ``start`` as a polynomial in the rise; cached."""
-    x = start - law.reference
     f = np.polynomial.Polynomial((1.0, *law.coefficients))
-    coefficients = [0.0]
-    for k in range(len(law.coefficients) + 1):
-        derivative = float(f.deriv(k)(x))
-        coefficients.append(derivative / math.factorial(k + 1))
-    return tuple(coefficients)
+    of_rise = f(np.polynomial.Polynomial((start - law.reference, 1.0)))
+    return tuple(of_rise.integ().coef)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
@@ -165,16 +161,16 @@ class Table:
 
     def factor(self, T: ArrayLike) -> Array:
         """Factor f(T) of the property, dimensionless, shape of ``T``."""
-        return _pieces(self, 0.0, integrated=False)(_kelvins("T", T))
+        return self.value(T) / self.value(self.reference)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Integral of f from ``start`` over ``rise`` in K, exact for the cubic pieces and the constant ends."""
-        return _pieces(self, _start(start), integrated=True)(_kelvins("rise", rise))
+        return _integral(self, _start(start))(_kelvins("rise", rise))
 
 
 @lru_cache(maxsize=64)
-def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
-    """f, or its integral from ``start``, as a piecewise polynomial in the rise; a knot at 0 avoids cancellation."""
+def _integral(table: Table, start: float) -> PPoly:
+    """Integral of f from ``start`` as a piecewise polynomial in the rise; a knot at 0 avoids cancellation."""
     T = table.temperatures
     knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]
@@ -184,10 +180,8 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> PPoly:
         derivative = np.where(inside, table._curve(left, k), 0.0)
         coefficients.append(derivative / math.factorial(k))
     coefficients.append(table.value(left))
-    curve = PPoly(np.stack(coefficients), knots - start)
-    if integrated:
-        curve = curve.antiderivative()
-        curve.c[-1] -= curve(0.0)
+    curve = PPoly(np.stack(coefficients), knots - start).antiderivative()
+    curve.c[-1] -= curve(0.0)
     curve.c /= float(table.value(table.reference))
     return curve
 

@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 import skfem
-from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from ..algebra.factor import factorize
-from ..arrays import Array, Indices, Mask
+from ..arrays import Array, Indices, Mask, scattered
 
 STRENGTH = 3.0  # of the layer's stretch 1 + i STRENGTH (depth/whole depth)^2
 
@@ -146,19 +145,14 @@ class Space:
             B += self._products(both[:, k], ratio / s)
         A[:, :n, :n] += self._products(rot, s / (s_r * s_z))
         B[:, n:, n:] += self._products(p, -q * s_r * s_z / s)
-        return self._summed(A), self._summed(B)
+        whole_A = scattered(A, self.dofs, self.dofs, self.size)
+        whole_B = scattered(B, self.dofs, self.dofs, self.size)
+        return whole_A.tocsc(), whole_B.tocsc()
 
     def _products(self, f: Array, weight: Array) -> Array:
         """int weight f_i f_j of every triangle, shape (triangles, functions, functions)."""
         weighted = f * (weight * self.dx)
         return np.matmul(weighted.transpose(1, 0, 2), f.transpose(1, 2, 0))
-
-    def _summed(self, local: Array) -> Any:
-        n = self.dofs.shape[1]
-        rows = np.repeat(self.dofs, n, axis=1)
-        columns = np.tile(self.dofs, (1, n))
-        places = rows.ravel(), columns.ravel()
-        return coo_matrix((local.ravel(), places), shape=(self.size, self.size)).tocsc()
 
 
 def _layer(inward: Array, depth: float, sign: int) -> tuple[Any, Any]:
