@@ -7,7 +7,7 @@ that suggests the nearest one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -204,22 +204,8 @@ def _material(name: str, table: Any) -> Material:
     missing = [key for key in PROPERTIES if key not in values]
     if missing:
         source += f" ({', '.join(missing)}: {LIBRARY[name].source})"
-    if name in LIBRARY:
-        values |= _library_values(LIBRARY[name], values)
-    values.setdefault("source", source)
-    return Material(name=name, **values)
-
-
-def _library_values(material: Material, values: dict[str, Any]) -> dict[str, Any]:
-    """What a material of the library has and the ``values`` of a file do not."""
-    missing = [key for key in (*PROPERTIES, "index", *_SCALARS) if key not in values]
-    library = {key: getattr(material, key) for key in missing}
-    for key in {"conductivity", "specific_heat"} & library.keys():
-        law = f"{key}_law"
-        library[law] = getattr(material, law)
-    if "conductivity" in library:
-        library["conductivity_z"] = material.conductivity_z
-    return library
+    values = {"source": source, **values}
+    return replace(LIBRARY[name], **values) if name in LIBRARY else Material(name=name, **values)
 
 
 def table_of(geometry: CrossSection) -> dict[str, Any]:

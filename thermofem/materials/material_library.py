@@ -287,9 +287,9 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
 
     Raises InputError: a value is missing, or given twice with different numbers; two laws at once.
     """
-    if not isinstance(given, dict):
-        return {key: quantity.parse(given, unit, name=f"{where} {key}")}
     of = f"{where} {key}"
+    if not isinstance(given, dict):
+        given = {"value": quantity.parse(given, unit, name=of)}
     value = given.get("value", given.get("r"))
     name = "r" if "z" in given else "value"
     with checks.prefixed(of):
@@ -304,9 +304,7 @@ def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]
     if isinstance(law, Table):
         value = _of_table(law, value, unit, f"{of}: {'r' if 'r' in given else 'value'}")
     values = {key: value, f"{key}_law": law}
-    if "z" in given:
-        values["conductivity_z"] = given["z"]
-    return values
+    return values | {"conductivity_z": given.get("z")} if key == "conductivity" else values
 
 
 def _of_table(law: Table, value: float | None, unit: str, name: str) -> float:
