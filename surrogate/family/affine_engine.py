@@ -31,8 +31,6 @@ from .affine_grid import SAMPLE_MEMBERS, CellGrid, SampledWeights, surface_point
 from .members import MemberMatrices
 from .parameter_box import Box
 
-MEMBERS_AT_ONCE = 512
-
 
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:
     """Matrices of every triangle: stiffness (4, t, b, b) as rr0, rr1, zz0, zz1; capacity (2, t, b, b); load (2, t, b).
@@ -241,26 +239,14 @@ class AffineMembers:
         """Number of basis functions."""
         return int(self.ports.shape[2])
 
-    def member(self, row: Array) -> MemberMatrices:
-        """Projected matrices of the member with parameters ``row``, shape (p,)."""
-        K, M, volume = self.coefficients(row[None])
-        integral = np.einsum("c,pcn->pn", volume[0], self.ports)
-        mean = integral / (self.volumes @ volume[0])[:, None]
-        return MemberMatrices(np.tensordot(K[0], self.K, 1), np.tensordot(M[0], self.M, 1), mean)
+    @property
+    def box(self) -> Box:
+        """The box of parameters."""
+        return self.coefficients.grid.box
 
-    def resistances(self, rows: Array, heated: int, read: int) -> Array:
-        """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        gains = []
-        for start in range(0, len(rows), MEMBERS_AT_ONCE):
-            K, _, volume = self.coefficients(rows[start : start + MEMBERS_AT_ONCE])
-            b = self._means(volume, heated)
-            c = self._means(volume, read)
-            matrices = np.tensordot(K, self.K, 1)
-            fields = np.linalg.solve(matrices, b[..., None])
-            gains.append(np.einsum("nk,nk->n", c, fields[..., 0]))
-        return np.concatenate(gains)
-
-    def _means(self, volume: Array, port: int) -> Array:
-        """Means of the functions over a port, shape (n, N), of members with the cell volumes (n, 2 c)."""
-        whole = volume @ self.volumes[port]
-        return volume @ self.ports[port] / whole[:, None]
+    def matrices(self, rows: Array) -> MemberMatrices:
+        """Projected matrices of n members with the parameters ``rows``, shape (n, p), stacked along a first axis."""
+        K, M, volume = self.coefficients(rows)
+        integrals = np.tensordot(volume, self.ports, (1, 1))
+        means = integrals / (volume @ self.volumes.T)[..., None]
+        return MemberMatrices(np.tensordot(K, self.K, 1), np.tensordot(M, self.M, 1), means)

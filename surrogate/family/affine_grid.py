@@ -80,7 +80,7 @@ class CellGrid:
     """Lines across both axes, and the c cells between them that are meshed.
 
     left, lower [shape (c,)]: interval across r and z of each cell.
-    owner [list of str]: layer or part of each cell.
+    owner [sequence of str]: layer or part of each cell.
     """
 
     box: Box
@@ -88,7 +88,7 @@ class CellGrid:
     z: Axis
     left: NDArray[np.intp]
     lower: NDArray[np.intp]
-    owner: list[str]
+    owner: Sequence[str]
 
     @classmethod
     def of(cls, box: Box) -> CellGrid:

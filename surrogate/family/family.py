@@ -23,11 +23,9 @@ from thermofem.models.contract import OutsideTrainingWarning
 
 from ..reduction.reduce import reduce
 from . import family_files
-from .affine_engine import AffineMembers
 from .interpolation import OutputMaps
-from .members import Certified, MemberModes, certified, coarse_difference
-from .moved_mesh_engine import MovedMeshMembers
-from .optical_numbers import LitMember, LitMembers, OpticalNumbers, two_outputs
+from .members import Certified, HeldOut, MemberModes, certified, coarse_difference
+from .optical_numbers import LitMember, Members, OpticalNumbers, two_outputs
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
@@ -36,34 +34,6 @@ Channel = Foster | OutputMap
 
 DIFFERENCE_STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
 FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wrong up to 7 times (measured)
-
-
-class HeldOut(float):
-    """Error of a family at members that it was not trained on; as a float the worst one.
-
-    worst, median: relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
-    count: of those members.
-    """
-
-    worst: float
-    median: float
-    count: int
-
-    def __new__(cls, worst: float, median: float, count: int) -> HeldOut:
-        """Make the number ``worst`` with the three attributes."""
-        self = super().__new__(cls, worst)
-        self.worst = worst
-        self.median = median
-        self.count = count
-        return self
-
-    def __getnewargs__(self) -> tuple[float, float, int]:
-        """What `__new__` takes when a family is sent to a worker process."""
-        return self.worst, self.median, self.count
-
-    def __repr__(self) -> str:
-        numbers = f"worst={self.worst:.2g}, median={self.median:.2g}, count={self.count}"
-        return f"HeldOut({numbers})"
 
 
 @dataclass(frozen=True)
@@ -88,13 +58,12 @@ class Family:
 
     Attributes
     ----------
-    box : Box
     inputs, outputs : tuple of str
         heated parts and what is read; "light", the temperature that rings of these geometries read, is the last output
         where the geometry has [light].
     tolerance : float
         that was asked for.
-    members : AffineMembers, MovedMeshMembers or LitMembers
+    members : Members
         makes the small matrices of a member.
     error : HeldOut
     floor, factor : float
@@ -108,11 +77,10 @@ class Family:
     provenance : dict
     """
 
-    box: Box
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     tolerance: float
-    members: AffineMembers | MovedMeshMembers | LitMembers
+    members: Members
     error: HeldOut
     floor: float
     factor: float
@@ -120,12 +88,24 @@ class Family:
     optics: OpticalNumbers | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
+    def __post_init__(self) -> None:
+        checks.check_names("inputs", self.inputs)
+        checks.check_names("outputs", self.outputs)
+        checks.positive("tolerance", self.tolerance, at_most=1)
+        for name in ("floor", "factor"):
+            checks.between(name, getattr(self, name), 0, checks.LARGEST_NUMBER)
+
     def __repr__(self) -> str:
         ranges = []
         for (name, (low, high)), unit in zip(self.ranges.items(), self.box.units, strict=True):
             ranges.append(f"{name} {quantity.rounded(low, unit, 6)} .. {quantity.rounded(high, unit, 6)}")
         functions = f"{self.size} functions, engine {self.engine!r}"
         return f"Family({', '.join(ranges)}; {functions}, {self.error!r})"
+
+    @property
+    def box(self) -> Box:
+        """The box of parameters."""
+        return self.members.projection.box
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,13 +124,13 @@ class Family:
 
         With k(T) " and interpolation" (of the output map) is added.
         """
-        name = self.members.engine
+        name = self.members.projection.engine
         return name if self.output_maps is None else f"{name} and interpolation"
 
     @property
     def size(self) -> int:
         """Number of basis functions."""
-        return self.members.size
+        return self.members.projection.size
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -421,15 +401,24 @@ def load_family(path: str | Path) -> Family:
     Raises
     ------
     InputError
-        no such file, not a family, one of a newer version, changed since it was written, or one without members.
+        no such file, not a family, one of another version, changed since it was written, or one without members.
     """
+    family: Family = family_files.read(path, Family, _check)
+    return family
 
-    def checked(fields: dict[str, Any]) -> Family:
-        fields["error"] = HeldOut(**fields["error"])
-        family = Family(**fields)
-        with np.errstate(all="ignore"):
-            middle = family.of_member(family.box.middle)
-        checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
-        return family
 
-    return family_files.read(path, checked)
+def _check(family: Family) -> None:
+    """Raise an exception where the parts of a family do not fit to each other."""
+    box = family.box
+    for ends in (box.low, box.high):
+        checks.shape("range", ends, (box.size,))
+    if not np.all(box.low < box.high):
+        raise ValueError("ranges and parameters do not fit")
+    ports = family.members.member(box.middle).ports
+    checks.shape("ports", ports, (len(family.ports), family.size))
+    if family.optics is not None:
+        checks.check_names("optics", family.optics.names)
+        family.optics.at(box.share(box.middle))
+    with np.errstate(all="ignore"):
+        middle = family.of_member(box.middle)
+    checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")

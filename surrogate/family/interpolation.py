@@ -18,7 +18,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import comb
 from typing import Any
 
@@ -69,7 +68,7 @@ def interpolate_members(
         )
     test = np.arange(count) % 5 == 0  # 5: one member of so many is held out
     scale = float(abs(y.mean())) or 1.0
-    curve = smooth(u[~test], y[~test])
+    curve = Polynomial.fit(u[~test], y[~test])
     misfit = curve(u[test]) - y[test]
 
     def interpolant(x: Array) -> Array:
@@ -79,11 +78,28 @@ def interpolate_members(
     return interpolant, rms(misfit / scale)
 
 
-def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
-    """Least-squares polynomial through samples y (n,) at points u (n, p) of the unit cube, with at most n/2 terms."""
-    powers = total_degree(u.shape[1], len(u) // 2)
-    coefficients, *_ = np.linalg.lstsq(chebyshev(u, powers), y, rcond=None)
-    return lambda x: chebyshev(x, powers) @ coefficients
+@dataclass(frozen=True, eq=False)
+class Polynomial:
+    """Sum over k of c_k T_k(x) at points x of the unit cube, with products T_k of Chebyshev polynomials.
+
+    powers [shape (terms, p)]: degrees of the polynomials in each term.
+    coefficients [shape (terms, ...)]
+    """
+
+    powers: NDArray[Any]
+    coefficients: Array
+
+    def __call__(self, x: Array) -> Array:
+        """Values at n points, shape (n, p) -> (n, ...)."""
+        return np.asarray(chebyshev(x, self.powers) @ self.coefficients)
+
+    @classmethod
+    def fit(cls, x: Array, y: Array, powers: NDArray[Any] | None = None) -> Polynomial:
+        """Least squares from samples y (n, ...) at points x (n, p); default ``powers``: at most n/2 terms."""
+        if powers is None:
+            powers = total_degree(x.shape[1], len(x) // 2)
+        solution: Any = np.linalg.lstsq(chebyshev(x, powers), y, rcond=None)
+        return cls(powers, solution[0])
 
 
 # Degree. Optical numbers of strips 350 to 700 nm wide are off by 1e-2 at 3, 2e-4 at 6, as the modes themselves are, and
@@ -117,24 +133,18 @@ class OutputMaps:
     """Coefficients a(p) of the output maps dT = z + a z^2 of all members, interpolated over the box.
 
     power [W]: largest power, which the maps are made for.
-    shares [shape (n, p)]: parameters of the solved members as fractions 0 to 1 of their ranges.
-    coefficients [shape (n,), 1/K]
+    curve [1/K]: a over the parameters as fractions 0 to 1 of their ranges.
     error: largest relative error of steady rises, and of a pulse relative to its peak, at held-out members and the
         hottest one.
     """
 
     power: float
-    shares: Array
-    coefficients: Array
+    curve: Polynomial
     error: float
-
-    @cached_property
-    def _curve(self) -> Callable[[Array], Array]:
-        return smooth(self.shares, self.coefficients)
 
     def coefficient(self, share: Array) -> float:
         """Coefficient a in 1/K of the member at fractions ``share`` of the ranges, shape (p,)."""
-        return float(self._curve(share[None])[0])
+        return float(self.curve(share[None])[0])
 
     def slopes(self, box: Box, row: Array) -> Array:
         """Derivatives of a with respect to the parameters at ``row`` (SI), shape (p,)."""
@@ -143,8 +153,8 @@ class OutputMaps:
         above = np.minimum(row + shift, box.high)
         below = np.maximum(row - shift, box.low)
         width = (above - below).diagonal()
-        up = self._curve(box.share(above))
-        down = self._curve(box.share(below))
+        up = self.curve(box.share(above))
+        down = self.curve(box.share(below))
         return (up - down) / width
 
     def on(self, linear: Foster, share: Array) -> OutputMap:
@@ -165,7 +175,7 @@ def interpolate_output_maps(
 ) -> OutputMaps:
     """Solve members with k(T), interpolate the coefficients of their output maps, and test them on other members.
 
-    engine [AffineEngine, MovedMeshEngine or LitEngine]
+    engine [Engine]
     channel [(str, str)]: heated and read.
     power [W]: the largest of interest.
     member: Foster network of the family at parameters of shape (p,).
@@ -186,8 +196,8 @@ def interpolate_output_maps(
     # nan of a member that failed
     coefficients = np.array(solver(coefficient_of, tasks, rows), dtype=float)
     solved = np.isfinite(coefficients)
-    shares = box.share(rows[solved])
-    maps = OutputMaps(power, shares, coefficients[solved], 0.0)
+    curve = Polynomial.fit(box.share(rows[solved]), coefficients[solved])
+    maps = OutputMaps(power, curve, 0.0)
     test_tasks = [(engine, row, channel, power) for row in tests]
     fine_members = solver(nonlinear_reference, test_tasks, tests)
     errors = []

@@ -57,7 +57,7 @@ class MemberModes:
 
 @dataclass(frozen=True, eq=False)
 class MemberMatrices:
-    """K (N, N) in W/K, M (N, N) in J/K and port functionals (ports, N) of one member."""
+    """K (N, N) in W/K, M (N, N) in J/K and port functionals (ports, N) of one member, or of several stacked."""
 
     K: Array
     M: Array
@@ -71,6 +71,34 @@ class MemberMatrices:
     def first(self, count: int) -> MemberMatrices:
         """The same member projected on the first ``count`` basis functions alone."""
         return MemberMatrices(self.K[:count, :count], self.M[:count, :count], self.ports[:, :count])
+
+
+class HeldOut(float):
+    """Error of a family at members that it was not trained on; as a float the worst one.
+
+    worst, median: relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
+    count: of those members.
+    """
+
+    worst: float
+    median: float
+    count: int
+
+    def __new__(cls, worst: float, median: float, count: int) -> HeldOut:
+        """Make the number ``worst`` with the three attributes."""
+        self = super().__new__(cls, worst)
+        self.worst = worst
+        self.median = median
+        self.count = count
+        return self
+
+    def __getnewargs__(self) -> tuple[float, float, int]:
+        """What `__new__` takes when a family is sent to a worker process."""
+        return self.worst, self.median, self.count
+
+    def __repr__(self) -> str:
+        numbers = f"worst={self.worst:.2g}, median={self.median:.2g}, count={self.count}"
+        return f"HeldOut({numbers})"
 
 
 TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are looked at

@@ -69,23 +69,17 @@ class MovedMeshMembers:
         """Number of basis functions."""
         return int(self.basis.shape[1])
 
-    def member(self, row: Array) -> MemberMatrices:
-        """Projected matrices of the member with parameters ``row``, shape (p,)."""
-        return projected(self.moved.heat(row), self.basis, self.ports)
+    @property
+    def box(self) -> Box:
+        """The box of parameters."""
+        return self.moved.box
 
-    def resistances(self, rows: Array, heated: int, read: int) -> Array:
-        """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        return resistances_of(self, rows, heated, read)
-
-
-def resistances_of(members: Any, rows: Array, heated: int, read: int) -> Array:
-    """R_th in K/W between two ports of members that are made one after the other; as `MovedMeshMembers.resistances`."""
-    result = np.empty(len(rows))
-    for k, row in enumerate(rows):
-        member = members.member(row)
-        field = np.linalg.solve(member.K, member.ports[heated])
-        result[k] = member.ports[read] @ field
-    return result
+    def matrices(self, rows: Array) -> MemberMatrices:
+        """Projected matrices of n members with the parameters ``rows``, shape (n, p), stacked along a first axis."""
+        members = [projected(self.moved.heat(row), self.basis, self.ports) for row in rows]
+        K = np.array([member.K for member in members])
+        M = np.array([member.M for member in members])
+        return MemberMatrices(K, M, np.array([member.ports for member in members]))
 
 
 def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> MemberMatrices:

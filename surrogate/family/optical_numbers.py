@@ -1,6 +1,6 @@
 """The light of a family: optical numbers of its rings and the temperature "light", as polynomials over the box.
 
-    y(p) = sum over k of c_k T_k(p)        T: products of Chebyshev polynomials (`interpolation.chebyshev`)
+    y(p) = sum over k of c_k T_k(p)        T: products of Chebyshev polynomials (`interpolation.Polynomial`)
 
 y is an optical number, or the logarithm of a coupling or of what a bend radiates; and of every unknown of the reference
 mesh the weight c_light of its temperature in that of the mode (`thermofem.fem.HeatProblem.with_light`), which becomes
@@ -29,14 +29,15 @@ from thermofem.optics.mode_derivatives import numbers
 from thermofem.optics.modes import Light
 
 from .affine_engine import AffineEngine, AffineMembers
-from .interpolation import chebyshev, total_degree
+from .interpolation import Polynomial, total_degree
 from .members import MemberMatrices, MemberModes, Solver
-from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, resistances_of
+from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
 
 LEFT_OUT = 8  # members that give the errors
+MEMBERS_AT_ONCE = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +46,13 @@ class OpticalNumbers:
 
     names: as `mode_derivatives.numbers` of `thermofem.optics`, "loss" [1/m] where [light] has it, "kappa 0" and
         "kappa 1": kappa^2 of every bus, and "radiated" [1/s].
-    powers [shape (terms, p)]: degrees of the polynomials in each term.
-    coefficients [shape (terms, numbers)]
+    curve: of all numbers, logarithms of some, over the fractions of the ranges.
     errors [shape (numbers,)]: largest relative error over members left out.
     solved: how many members were solved.
     """
 
     names: tuple[str, ...]
-    powers: NDArray[Any]
-    coefficients: Array
+    curve: Polynomial
     errors: Array
     solved: int
 
@@ -64,7 +63,7 @@ class OpticalNumbers:
 
     def rows(self, shares: Array) -> Array:
         """The numbers of n members, shape (n, numbers), at fractions ``shares`` (n, p) of the parameter ranges."""
-        values = np.asarray(chebyshev(shares, self.powers) @ self.coefficients)
+        values = self.curve(shares)
         np.exp(values, out=values, where=_logarithmic(self.names))
         radiated = values[:, self.names.index("radiated")]
         radiated[:] = np.where(radiated > 2 * LEAST_RATE, radiated - LEAST_RATE, 0.0)
@@ -76,7 +75,7 @@ class OpticalNumbers:
         That is, whether one differs by more than 1e-6 of itself between the ends of the parameter's range, with all
         other parameters in the middle of theirs.
         """
-        ends = np.full((2, self.powers.shape[1]), 0.5)
+        ends = np.full((2, self.curve.powers.shape[1]), 0.5)
         ends[:, k] = 0.0, 1.0
         low, high = self.rows(ends)
         same = np.abs(high - low) <= 1e-6 * np.abs(low)
@@ -95,47 +94,30 @@ class OpticalNumbers:
         couplings = f"kappa^2 {max(kappas):.1e}, " if kappas else ""
         return f"n_eff {errors['n_eff']:.1e}, {couplings}of the others at most {errors[worst]:.1e} ({worst})"
 
-    def content(self) -> tuple[dict[str, Any], dict[str, Array]]:
-        """JSON fields and arrays that store the polynomials in a family's file."""
-        arrays = {"powers": self.powers, "coefficients": self.coefficients, "errors": self.errors}
-        words = {"names": list(self.names), "solved": self.solved}
-        return words, {f"optics_{name}": values for name, values in arrays.items()}
-
-    @classmethod
-    def of_content(cls, words: dict[str, Any], arrays: dict[str, Array]) -> OpticalNumbers:
-        """The polynomials that `content` gave as JSON fields and arrays."""
-        names = checks.check_names("optics", words["names"])
-        powers = arrays["optics_powers"]
-        coefficients = arrays["optics_coefficients"]
-        errors = arrays["optics_errors"]
-        checks.shape("optics: coefficients", coefficients, (len(powers), len(names)))
-        checks.shape("optics: errors", errors, (len(names),))
-        solved = checks.integer("solved", words["solved"], 1, np.inf)
-        return cls(names, powers, coefficients, errors, solved)
-
 
 @dataclass(frozen=True, eq=False)
 class LightPort:
     """Weights of the temperature "light" as polynomials over the box of parameters.
 
-        K <T>_light = c(p)^T x,     c(p) = sum over k of c_k T_k(p),     K(p) = sum over k of K_k T_k(p)
+        K <T>_light = c(p)^T x
 
     with K the shift -d ln(w)/dT of the mode in 1/K: c alone, which K divides, has a pole where a cladding cancels it.
 
-    powers [shape (terms, p)]: degrees of the polynomials in each term.
-    coefficients [shape (terms, n), 1/K]: c_k for n unknowns of the reference mesh, or n functions of the family.
-    shifts [shape (terms,), 1/K]: K_k.
+    weights [1/K]: c for n unknowns of the reference mesh, or n functions of the family.
+    shift [1/K]: K, one column.
     """
 
-    powers: NDArray[Any]
-    coefficients: Array
-    shifts: Array
+    weights: Polynomial
+    shift: Polynomial
 
-    def at(self, share: Array) -> Array:
-        """Weights c/K, shape (n,), at fractions ``share`` (0 to 1) of the parameter ranges, shape (p,)."""
-        (terms,) = chebyshev(share[None], self.powers)
-        shift = terms @ self.shifts
-        return terms @ self.coefficients / shift
+    def at(self, shares: Array) -> Array:
+        """Weights c/K of m members, shape (m, n), at fractions ``shares`` (0 to 1) of the parameter ranges (m, p)."""
+        return self.weights(shares) / self.shift(shares)
+
+    def on(self, free: NDArray[np.intp], V: Array) -> LightPort:
+        """The same for functions V instead of unknowns; V has the values of the ``free`` ones, the others are zero."""
+        of_functions = self.weights.coefficients[:, free] @ V
+        return replace(self, weights=replace(self.weights, coefficients=of_functions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,69 +167,74 @@ def two_outputs(
 
 
 @dataclass(frozen=True, eq=False)
-class LitMembers:
-    """Members of a family with the port "light" after those of ``members``."""
+class Members:
+    """Small matrices of the members of a family, with the port "light" after the others where there is one.
 
-    members: AffineMembers | MovedMeshMembers
-    light: LightPort
-    box: Box
+    projection: of the engine on the basis of the family.
+    light: of the functions of the basis.
+    """
 
-    @property
-    def engine(self) -> str:
-        """Name of the engine that makes the matrices."""
-        return self.members.engine
+    projection: AffineMembers | MovedMeshMembers
+    light: LightPort | None = None
 
-    @property
-    def size(self) -> int:
-        """Number of basis functions."""
-        return self.members.size
+    def matrices(self, rows: Array) -> MemberMatrices:
+        """Projected matrices of n members with the parameters ``rows``, shape (n, p), stacked along a first axis."""
+        members = self.projection.matrices(rows)
+        if self.light is None:
+            return members
+        light = self.light.at(self.projection.box.share(rows))
+        return replace(members, ports=np.concatenate([members.ports, light[:, None]], axis=1))
 
     def member(self, row: Array) -> MemberMatrices:
         """Projected matrices of the member with parameters ``row``, shape (p,)."""
-        member = self.members.member(row)
-        light = self.light.at(self.box.share(row))
-        return replace(member, ports=np.vstack([member.ports, light]))
+        members = self.matrices(row[None])
+        return MemberMatrices(members.K[0], members.M[0], members.ports[0])
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """R_th in K/W from port ``heated`` to port ``read`` of members with parameters ``rows`` (n, p); shape (n,)."""
-        light = len(self.member(self.box.middle).ports) - 1
-        if read == light:
-            return resistances_of(self, rows, heated, read)
-        return self.members.resistances(rows, heated, read)
+        gains = []
+        for start in range(0, len(rows), MEMBERS_AT_ONCE):
+            members = self.matrices(rows[start : start + MEMBERS_AT_ONCE])
+            fields = np.linalg.solve(members.K, members.ports[:, heated, :, None])
+            gains.append(np.einsum("nk,nk->n", members.ports[:, read], fields[..., 0]))
+        return np.concatenate(gains)
 
 
 @dataclass(frozen=True, eq=False)
-class LitEngine:
-    """An engine whose members have the port "light".
+class Engine:
+    """Full and projected matrices of the members of a family, with the port "light" where there is one.
 
     light: of the unknowns of the reference mesh.
     """
 
-    engine: AffineEngine | MovedMeshEngine
-    light: LightPort
+    mesh_engine: AffineEngine | MovedMeshEngine
+    light: LightPort | None = None
 
     @property
     def box(self) -> Box:
         """The box of parameters."""
-        return self.engine.box
+        return self.mesh_engine.box
 
     @property
     def reference(self) -> HeatProblem:
         """The heat problem in the middle of the box."""
-        return self.engine.reference
+        return self.mesh_engine.reference
 
     def heat(self, row: Array) -> HeatProblem:
         """The heat problem of a member on the moved reference mesh, with "light" among its means."""
-        heat = self.engine.heat(row)
-        light = self.light.at(self.box.share(row))
+        heat = self.mesh_engine.heat(row)
+        if self.light is None:
+            return heat
+        (light,) = self.light.at(self.box.share(row[None]))
         dark = heat.discretization
         return replace(heat, discretization=replace(dark, means={**dark.means, LIGHT: light}))
 
-    def project(self, V: Array, ports: tuple[str, ...]) -> LitMembers:
+    def project(self, V: Array, ports: tuple[str, ...]) -> Members:
         """Project the family on the functions V, shape (free unknowns, N); "light" is the last of the ports."""
+        means = tuple(name for name in ports if name != LIGHT)
+        projection = self.mesh_engine.project(V, means)
         free = self.reference.discretization.free
-        light = replace(self.light, coefficients=self.light.coefficients[:, free] @ V)
-        return LitMembers(self.engine.project(V, ports[:-1]), light, self.box)
+        return Members(projection, self.light and self.light.on(free, V))
 
 
 class MemberLight(NamedTuple):
@@ -292,16 +279,15 @@ def train_optics(engine: AffineEngine | MovedMeshEngine, seed: int, solver: Solv
     np.log(values, out=values, where=_logarithmic(names))
     shares = box.share(every[solved])
     learn = np.flatnonzero(solved) < len(rows)
-    columns: Array = chebyshev(shares[learn], powers)
-    coefficients, *_ = np.linalg.lstsq(columns, values[learn], rcond=None)
-    curve = OpticalNumbers(names, powers, coefficients, np.zeros(len(names)), len(table))
+    curve = Polynomial.fit(shares[learn], values[learn], powers)
+    optics = OpticalNumbers(names, curve, np.zeros(len(names)), len(table))
     truth = table[~learn]
-    off = np.abs(curve.rows(shares)[~learn] - truth)
+    off = np.abs(optics.rows(shares[~learn]) - truth)
     relative = off / np.maximum(np.abs(truth), 1e-300)
     errors = np.where(truth == 0, 0.0, relative).max(axis=0)
-    weights = np.array([member.weights for member in members])
-    port, *_ = np.linalg.lstsq(columns, weights[learn], rcond=None)
-    return replace(curve, errors=errors), LightPort(powers, port, port.sum(axis=1))
+    weights = Polynomial.fit(shares[learn], np.array([member.weights for member in members])[learn], powers)
+    shift = Polynomial(powers, weights.coefficients.sum(axis=1, keepdims=True))
+    return replace(optics, errors=errors), LightPort(weights, shift)
 
 
 def _check_left_out(results: list[Any]) -> None:

@@ -24,12 +24,13 @@ from thermofem.campaign.stored_tasks import Store
 from thermofem.data.files import digest, from_toml, read_toml, to_toml
 from thermofem.geometry.section_parts import LIGHT
 
-from .affine_engine import AffineEngine, AffineMembers
+from .affine_engine import AffineEngine
 from .affine_grid import NotAffineError
-from .family import Family, HeldOut
+from .family import Family
 from .interpolation import interpolate_output_maps
 from .members import (
     FINEST_MESH,
+    HeldOut,
     Member,
     MemberModes,
     Solver,
@@ -40,8 +41,8 @@ from .members import (
     fine_member,
     snapshot_of,
 )
-from .moved_mesh_engine import MovedMeshEngine, MovedMeshMembers, projected
-from .optical_numbers import LitEngine, LitMembers, train_optics
+from .moved_mesh_engine import MovedMeshEngine, projected
+from .optical_numbers import Engine, Members, train_optics
 from .parameter_box import Box
 
 log = logging.getLogger("thermofem")
@@ -53,9 +54,6 @@ WEAKEST = 0.01
 WEAKEST_IN_THE_END = 0.5, 0.1, WEAKEST
 BATCH = 6
 MOST_BATCHES = 60
-
-Engine = AffineEngine | MovedMeshEngine | LitEngine
-Members = AffineMembers | MovedMeshMembers | LitMembers
 
 
 @dataclass
@@ -96,7 +94,7 @@ class Trainer:
         nothing = self.V[:, :0]
         for weakest in WEAKEST_IN_THE_END:
             basis = extend_basis(nothing, self.X, fields, weakest * self.tolerance)
-            projection: Members = self.engine.project(basis, self.ports)
+            projection = self.engine.project(basis, self.ports)
             if self._holds(projection):
                 break
         return projection
@@ -191,18 +189,16 @@ def train_family(
         log.info("%d held-out members solved", len(fine_members))
         means = tuple(name for name in ports if name != LIGHT)
         dark = _engine(box, means, heated, tolerance, rows, fine_members)
-        engine: Engine = dark
-        optics = None
+        optics = light = None
         passing = replace(solver, store=None)
         if LIGHT in ports:
             optics, light = train_optics(dark, seed, passing)
-            engine = LitEngine(dark, light)
+        engine = Engine(dark, light)
         trainer = Trainer(engine, ports, tolerance, seed, heated, solver)
         members = trainer.run()
     references = [certified_modes(engine.heat(row), ports, tolerance)[0] for row in rows]
     errors = _errors(members, rows, references, fine_members, heated)
     family = Family(
-        box=box,
         inputs=inputs,
         outputs=outputs,
         tolerance=tolerance,
@@ -226,7 +222,7 @@ def train_family(
         text = f"the family errs by up to {family.error:.1e} on members it has not seen, more than tolerance = "
         log.warning("%s%g; take smaller ranges or ask for a smaller tolerance", text, tolerance)
     provenance: dict[str, Any] = {
-        "method": f"reduced basis, {members.engine}",
+        "method": f"reduced basis, {members.projection.engine}",
         "version": version,
         "campaign": box.campaign.name,
         "campaign_hash": campaign_hash(box.campaign),
