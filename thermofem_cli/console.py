@@ -180,7 +180,7 @@ def written(value: float, unit: str, error: float | None = None) -> str:
     from thermofem.data import quantity
 
     text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
-    if error is None:
+    if error is None or math.isnan(error):
         return text
     number, _, prefixed = text.partition(" ")
     factor = quantity.parse(f"1 {prefixed}", unit) if unit in quantity.SI else 1.0

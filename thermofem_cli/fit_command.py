@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     import thermofem as th
+    from surrogate.fitting.fit_result import Fit
 
 FIT_KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 
@@ -110,13 +110,13 @@ def fit(
     wrote(output, figure)
     return {
         "kind": kind,
-        "parameters": dict(getattr(fitted, "parameters", {})),
-        "standard_errors": dict(getattr(fitted, "standard_errors", {})),
+        "parameters": fitted.parameters,
+        "standard_errors": fitted.standard_errors,
         "thermal_resistance": fitted.model.thermal_resistance,
-        "thermal_resistance_deviation": _deviation(fitted),
+        "thermal_resistance_deviation": fitted.thermal_resistance_deviation,
         "residual": fitted.residual,
         "relative_residual": fitted.relative_residual,
-        "notes": list(getattr(fitted, "notes", ())),
+        "notes": fitted.notes,
         "assumed": assumed,
         "model": output,
     }
@@ -146,37 +146,32 @@ def _trained(kind: str, training: list[Any], order: str | None, readout: th.MZI 
     return surrogate.fit_foster(training, order=poles, readout=readout)
 
 
-def _deviation(fitted: Any) -> float | None:
-    """Standard deviation of R_th in K/W, None of a kind of model that has none."""
-    deviation = float(getattr(fitted, "thermal_resistance_deviation", math.nan))
-    return None if math.isnan(deviation) else deviation
-
-
-def _print(fitted: Any, kind: str, kelvin: str) -> None:
+def _print(fitted: Fit, kind: str, kelvin: str) -> None:
     """Print the equations of a network, or parameters with errors; R_th; the misfit; undetermined time constants.
 
     kelvin: "K", or the unit that counts as kelvin, "V" or "rad".
     """
     from surrogate.studies.inverse_search import rise_time
 
-    for equation in getattr(fitted, "equations", ()):
+    for equation in fitted.equations:
         say(equation)
     rows = []
+    model: Any = fitted.model
     if kind == "spectrum":
-        for r, tau in zip(fitted.model.R, fitted.model.tau, strict=True):
+        for r, tau in zip(model.R, model.tau, strict=True):
             rows.append(("R", f"{written(float(r), 'K/W')} at tau = {written(float(tau), 's')}"))
-    elif kind != "sindy":
+    elif not fitted.equations:
         errors = fitted.standard_errors
         units = {name: parameter_unit(name) for name in fitted.parameters}
         units |= {"half_power": fitted.residual_unit, "bias": "rad"}
         rows += [(name, written(value, units[name], errors[name])) for name, value in fitted.parameters.items()]
-    rows.append(("R_th", written(fitted.model.thermal_resistance, "K/W", _deviation(fitted))))
-    noise = {True: ", noise", False: ", systematic", None: ""}[getattr(fitted, "misfit_is_noise", None)]
-    size = f"{fitted.residual:.3g} {getattr(fitted, 'residual_unit', 'K')}".rstrip()
+    rows.append(("R_th", written(model.thermal_resistance, "K/W", fitted.thermal_resistance_deviation)))
+    noise = {True: ", noise", False: ", systematic", None: ""}[fitted.misfit_is_noise]
+    size = f"{fitted.residual:.3g} {fitted.residual_unit}".rstrip()
     rows.append(("misfit", f"{size} rms, {100 * fitted.relative_residual:.2g} % of the swing{noise}"))
-    if hasattr(fitted.model, "R"):
-        rows.append(("rise time (10-90 %)", written(rise_time(fitted.model), "s")))
+    if not fitted.equations:
+        rows.append(("rise time (10-90 %)", written(rise_time(model), "s")))
     for name, text in rows:
         say_row(name, re.sub(r"K(?![a-z])", kelvin, text))
-    for line in getattr(fitted, "notes", ()):
+    for line in fitted.notes:
         say_row("note", line, ":")

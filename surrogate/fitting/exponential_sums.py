@@ -188,13 +188,9 @@ def fit_spectrum(
     if R_th is not None:
         R = R * R_th / R.sum()
     model = Foster(R=R, tau=tau, **training.parts)
-    parameters = pole_parameters(model)
-    count = len(parameters)
     return Fit(
         model=model,
-        parameters=parameters,
-        standard_errors=dict.fromkeys(parameters, float("nan")),
-        correlations=np.full((count, count), np.nan),
+        parameters=pole_parameters(model),
         residual=rms(misfit / problem.weight),
         relative_residual=rms(misfit),
         training=training.names,

@@ -11,7 +11,7 @@ from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.data import files, quantity
 from thermofem.data.dataset import Response
-from thermofem.models import HasModel
+from thermofem.models import HasModel, Network
 
 from .pole_projection import FitProblem, Optimum
 
@@ -22,16 +22,16 @@ class Fit(HasModel):
 
     Attributes
     ----------
-    model : Foster
+    model : Foster, or Network
     parameters : dict of float
         in SI, by name.
     standard_errors : dict of float
         one standard deviation of each parameter, from the Jacobian, and from the variance and the autocorrelation of
         the residuals of each Dataset. A trace of fewer than 50 samples does not show the latter: there noise counts as
         independent from sample to sample.
-        inf where a time constant beyond the data decides, as ``notes`` say.
+        inf where a time constant beyond the data decides, as ``notes`` say; nan where none is known.
     correlations : array, shape (parameters, parameters)
-        in the order of ``parameters``.
+        in the order of ``parameters``; nan where none is known.
     residual : float, in residual_unit
         rms over all samples.
     residual_unit : str
@@ -53,15 +53,18 @@ class Fit(HasModel):
     thermal_resistance_deviation : float, K/W
         one standard deviation of R_th, which contains the correlations of the poles; nan where it is not computed. An
         error of the power is not in it.
+    method : str
+    equations : tuple of str
+        of a Network; its coefficients are the parameters.
     """
 
-    model: Foster
+    model: Foster | Network
     parameters: Mapping[str, float]
-    standard_errors: Mapping[str, float]
-    correlations: Array = field(repr=False)
     residual: float
     relative_residual: float
     training: tuple[str, ...]
+    standard_errors: Mapping[str, float] = field(default_factory=dict)
+    correlations: Array = field(default_factory=lambda: np.empty(0), repr=False)
     notes: tuple[str, ...] = ()
     geometry: str | None = field(default=None, repr=False)
     swarm_residual: float | None = None
@@ -69,6 +72,14 @@ class Fit(HasModel):
     training_period: float | None = None
     residual_unit: str = "K"
     thermal_resistance_deviation: float = float("nan")
+    method: str = "fit"
+    equations: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.standard_errors:
+            count = len(self.parameters)
+            object.__setattr__(self, "standard_errors", dict.fromkeys(self.parameters, float("nan")))
+            object.__setattr__(self, "correlations", np.full((count, count), np.nan))
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
@@ -82,16 +93,17 @@ class Fit(HasModel):
         )
         rows += [("trained on", text) for text in self.training]
         rows += [("note", text) for text in self.notes]
-        return card("Fit", rows, self.model._repr_html_())
+        return card("Fit", rows, getattr(self.model, "_repr_html_", str)())
 
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model; an error that is not known is null."""
         return {
             **(self.model.origin or {}),
-            "method": "fit",
+            "method": self.method,
+            "equations": list(self.equations),
             "training": list(self.training),
-            "parameters": dict(self.parameters),
+            "parameters": {} if self.equations else dict(self.parameters),
             "standard_errors": files.plain(self.standard_errors),
             "thermal_resistance_deviation": files.plain(self.thermal_resistance_deviation),
             "residual_K": self.residual if self.residual_unit == "K" else None,

@@ -15,9 +15,8 @@ Sources: S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113, 3932 (2016); D. A. 
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -25,58 +24,15 @@ import xarray as xr
 from thermofem import checks
 from thermofem.arrays import Array, rms
 from thermofem.data.dataset import response_of, warn_of
-from thermofem.models import HasModel, Network, gate
+from thermofem.models import Network, gate
 from thermofem.waveforms import Waveform
+
+from .fit_result import Fit
 
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 
 
-@dataclass(frozen=True, eq=False)
-class SindyFit(HasModel):
-    """An identified network and how well it fits.
-
-    Attributes
-    ----------
-    model : Network
-    equations : tuple of str
-        in K, W and seconds.
-    parameters : dict of float
-        A (1/s) as ``A_row_column`` and b (K/J) as ``b_row``, counted from 1.
-    standard_errors : dict of float
-        nan: the weak form's residuals are correlated, their scatter says nothing.
-    residual : float, K
-        rms of the core's rise, network against data.
-    relative_residual : float
-        the same over the swing.
-    training : tuple of str
-    geometry : str or None
-        as TOML, of the data.
-    """
-
-    model: Network
-    equations: tuple[str, ...]
-    parameters: Mapping[str, float]
-    standard_errors: Mapping[str, float]
-    residual: float
-    relative_residual: float
-    training: tuple[str, ...]
-    geometry: str | None = field(default=None, repr=False)
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """Provenance that `surrogate.save_model` writes with the model."""
-        method = "SINDy, weak form, static gains imposed"
-        return {
-            "method": method,
-            "equations": list(self.equations),
-            "largest_rise_K": self.model.largest_rise,
-            "residual_K": self.residual,
-            "training": list(self.training),
-            "geometry": self.geometry,
-        }
-
-
-def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None) -> SindyFit:
+def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None) -> Fit:
     """Identify a thermal network from the rises of the core and of shells around it.
 
     Parameters
@@ -92,8 +48,10 @@ def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window
 
     Returns
     -------
-    SindyFit
-        measured on the reference strip over 55 square waves of .1-10 us: three states 3.4 %, five .6 % of the swing.
+    Fit
+        with ``equations`` (in K, W and s) of a Network; parameters A (1/s) as ``A_row_column`` and b (K/J) as ``b_row``
+        without errors: the weak form's residuals are correlated, their scatter says nothing. Measured on the reference
+        strip over 55 square waves of .1-10 us: three states 3.4 %, five .6 % of the swing.
 
     Raises
     ------
@@ -118,11 +76,11 @@ def fit_sindy(data: xr.Dataset, static: Sequence[float] | None = None, *, window
     residual = rms(poles.response(probed.wave, probed.times) - rise)
     numbers = {f"A_{i + 1}_{j + 1}": float(value) for (i, j), value in np.ndenumerate(A)}
     numbers |= {f"b_{i}": value for i, value in enumerate(b.tolist(), 1)}
-    return SindyFit(
+    return Fit(
         model=Network(A, b, names, poles, float(rise.max())),
-        equations=_equations(names, A, b),
         parameters=numbers,
-        standard_errors=dict.fromkeys(numbers, float("nan")),
+        method="SINDy, weak form, static gains imposed",
+        equations=_equations(names, A, b),
         residual=residual,
         relative_residual=residual / float(np.ptp(rise)),
         training=(f"{type(probed.wave).__name__.lower()}, from rest",),
