@@ -3,13 +3,14 @@
 This package is the only one that imports thermofem, surrogate and coupled at once. A command is a function in a file
 ``NAME_command.py``; those on rings are in `rings`. To add one:
 
-1. Write the function. Its parameters are the arguments and options, its docstring is the text of --help. What several
-   commands share is declared in `options`, and so are the five options that every command has (--json .. --threads; a
-   command declares ``seed`` where it draws at random). The function imports what it needs in its body, so that --help
-   and --version load no numerical library. Options that exclude each other go through `options.unused`, and
-   `command_files.check_outputs` comes before the work. Results are printed by `console.say`, hints by `console.note`,
-   names of written files by `console.wrote`; all numbers are returned in SI as a dict, which --json prints. An
-   InputError names the option, the value and the rule.
+1. Write the function. Its parameters are the arguments and options, its docstring is the text of --help, where the
+   section Options says what each of its own options does. What several commands share is declared in `options`, and so
+   are the five options that every command has (--json .. --threads; a command declares ``seed`` where it draws at
+   random). The function imports what it needs in its body, so that --help and --version load no numerical library.
+   Options that exclude each other go through `options.unused`; whether files can be written is checked before it runs
+   (`command_files.WRITTEN`). Results are printed by `console.say`, hints by `console.note`; all numbers are returned in
+   SI as a dict, which --json prints, and the paths in it are the files that were written. An InputError names the
+   option, the value and the rule.
 2. Add one line to `COMMANDS`, and run ``python docs/generate.py``, which writes docs/commands.md.
 """
 

@@ -18,9 +18,14 @@ def cite(
     file: Annotated[
         Path | None, typer.Argument(help="Data (netCDF) or model (JSON); default: the software alone.")
     ] = None,
-    bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
+    bibtex: bool = False,
 ) -> dict[str, Any]:
-    """Print what to cite for a result: the software, the paper, and the sources of its materials."""
+    """Print what to cite for a result: the software, the paper, and the sources of its materials.
+
+    Options
+    -------
+    bibtex: As BibTeX.
+    """
     from thermofem.errors import prefixed
 
     from .results.citations import provenance_of, references
@@ -34,16 +39,18 @@ def cite(
 
 
 def reproduce(
-    output: options.Folder = Path("out"),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
-    ] = False,
+    folder: options.Folder = Path("out"),
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Reproduce the paper from our own FEM, in a checkout: report.html with every figure and number, and their data.
 
     Where thermofem is installed outside of it, run this in the folder of the sources.
 
     Started again, it goes on where it was, however it ended. The exit code is 1 where a row has no number.
+
+    Options
+    -------
+    quick: The one-minute version: no maps, no FEM in the loop.
     """
     from thermofem.errors import InputError
 
@@ -55,5 +62,5 @@ def reproduce(
         sys.path.append(str(checkouts[0]))
     runner = importlib.import_module("paper.report.runner")
     workers = settings.threads or len(os.sched_getaffinity(0))
-    made: dict[str, Any] = runner.run(output, quick=quick, workers=workers, console=terminal(err=settings.json))
+    made: dict[str, Any] = runner.run(folder, quick=quick, workers=workers, console=terminal(err=settings.json))
     return made | {"passed": not made["incomplete"]}

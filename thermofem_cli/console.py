@@ -7,6 +7,7 @@ Under ``--json`` standard output holds one JSON object alone, and results in wor
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import logging
 import math
@@ -68,10 +69,12 @@ def note(text: str) -> None:
         print(one_line(text, most=LINE), file=sys.stderr)
 
 
-def wrote(*paths: Path | None) -> None:
-    """Print the names of the files that were written."""
-    if not settings.quiet:
-        say("wrote " + " and ".join(str(path) for path in paths if path))
+def wrote(numbers: Mapping[str, Any]) -> None:
+    """Print the names of the files that a command wrote: every path among its numbers, or in a list of them."""
+    values = [value if isinstance(value, list) else [value] for value in numbers.values()]
+    paths = [str(value) for value in itertools.chain(*values) if isinstance(value, Path)]
+    if paths and not settings.quiet:
+        say("wrote " + " and ".join(paths))
 
 
 def terminal(*, err: bool = True) -> Console:

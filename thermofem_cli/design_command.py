@@ -9,26 +9,33 @@ from typing import Annotated, Any
 import typer
 
 from . import options
-from .console import note, say, working, written, wrote
+from .console import note, say, working, written
 
 
 def design(
     context: typer.Context,
     file: options.Family,
-    resistance: Annotated[str | None, typer.Option(help="Thermal resistance, e.g. '9000 K/W'.")] = None,
-    rise_time: Annotated[str | None, typer.Option(help="10 to 90 % after a step, e.g. '2 us'.")] = None,
-    period: Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")] = None,
-    fix: options.Fix = None,
-    ring: options.Ring = options.REFERENCE_RING,
-    power: options.Power = "8 dBm",
-    detuning: options.Detuning = "0 GHz",
-    heated: options.Heated = None,
-    read: options.Read = None,
+    resistance: str | None = None,
+    rise_time: str | None = None,
+    period: str | None = None,
+    fix: list[str] | None = None,
+    ring: str = options.REFERENCE_RING,
+    power: str = "8 dBm",
+    detuning: str = "0 GHz",
+    heated: str | None = None,
+    read: str | None = None,
     workers: options.Processes = 1,
-    scheduler: options.Scheduler = None,
+    scheduler: str | None = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
-    """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
+    """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front.
+
+    Options
+    -------
+    resistance: Thermal resistance, e.g. '9000 K/W'.
+    rise_time: 10 to 90 % after a step, e.g. '2 us'.
+    period: Settled period of self-pulsing, e.g. '900 ns'.
+    """
     import surrogate
     from thermofem import InputError
     from thermofem.data import quantity
@@ -105,42 +112,44 @@ def uncertainty(
     context: typer.Context,
     file: options.Family,
     spread: Annotated[list[str], typer.Option(help="Mean and standard deviation, e.g. 'width=450 nm,5 nm'.")],
-    fix: options.Fix = None,
-    period: Annotated[bool, typer.Option("--period", help="The settled period, not the thermal resistance.")] = False,
-    map_: Annotated[
-        Path | None, typer.Option("--map", help="Probability of self-pulsing over power and detuning, into this file.")
-    ] = None,
-    points: options.Points = "15, 31",
-    samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
-    interpolate: Annotated[
-        int | None, typer.Option(help="Compute this number of members only and interpolate.")
-    ] = None,
-    ring: options.Ring = options.REFERENCE_RING,
-    power: options.Power = "8 dBm",
-    detuning: options.Detuning = "0 GHz",
-    heated: options.Heated = None,
-    read: options.Read = None,
+    fix: list[str] | None = None,
+    period: bool = False,
+    map_: Path | None = None,
+    points: str = "15, 31",
+    samples: int = 1024,
+    interpolate: int | None = None,
+    ring: str = options.REFERENCE_RING,
+    power: str = "8 dBm",
+    detuning: str = "0 GHz",
+    heated: str | None = None,
+    read: str | None = None,
     workers: options.Processes = 1,
-    scheduler: options.Scheduler = None,
+    scheduler: str | None = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Propagate normally distributed fabrication tolerances to R_th, the settled period or the self-pulsing map, with
     Sobol indices.
 
     For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
+
+    Options
+    -------
+    period: The settled period, not the thermal resistance.
+    map_: Probability of self-pulsing over power and detuning, into this file.
+    samples: Base samples, a power of two.
+    interpolate: Compute this number of members only and interpolate.
     """
     import surrogate
     import thermofem as th
     from coupled.ring_family import PulsingMap
 
-    from .inputs.command_files import check_outputs, expect
+    from .inputs.command_files import expect
     from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, spreads_of, units_of
     from .inputs.light_drives import grid
 
     options.unused(context, *(("and --map exclude each other", "period") if map_ else ("goes with --map", "points")))
     if not (map_ or period):
         options.unused(context, "goes with --period or --map", "power", "detuning", "ring")
-    check_outputs([map_], inputs=[file, ring])
     expect(file, "family")
     family = surrogate.load_family(file)
     channel = channel_of(family, heated, read)
@@ -171,7 +180,6 @@ def uncertainty(
         th.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
         say(f"{channel}: {unsure:.0%} of the points pulse with a probability between 5 and 95 %")
-        wrote(map_)
         return {**ports, "map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
     return _say(data, "s" if period else "K/W", interpolate)
 

@@ -6,25 +6,33 @@ from typing import Annotated, Any
 import typer
 
 from . import options
-from .console import note, working, wrote
+from .console import note, working
 
 OUTPUT = "File to write; default: the model's name, with the ending of --to, if no other file has it."
-PLATFORMS = "Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform."
 
 
 def export(
     context: typer.Context,
     model: options.Model,
-    to: Annotated[str | None, typer.Option(help="Format, such as spice or fmu; a wrong one gets the list.")] = None,
+    to: str | None = None,
     ring: Annotated[str | None, typer.Option(help=f"{options.RING}: write its light and carriers, too.")] = None,
-    circuit: Annotated[Path | None, typer.Option(help="Circuit file (TOML) in place of --ring, for spice.")] = None,
-    power: Annotated[str | None, typer.Option(help="Also write a run from cold with this power in the bus.")] = None,
-    detuning: options.Detuning = "0 GHz",
-    fmi: Annotated[int, typer.Option(help="Version of FMI for fmu: 2 or 3.")] = 2,
-    platforms: Annotated[str, typer.Option(help=PLATFORMS)] = "",
+    circuit: Path | None = None,
+    power: str | None = None,
+    detuning: str = "0 GHz",
+    fmi: int = 2,
+    platforms: str = "",
     output: Annotated[Path | None, typer.Option("--output", "-o", help=OUTPUT)] = None,
 ) -> dict[str, Any]:
-    """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers."""
+    """Write a model or a ring for a circuit simulator (spice, verilog-a) or a system simulator (fmu), or as numbers.
+
+    Options
+    -------
+    to: Format, such as spice or fmu; a wrong one gets the list.
+    circuit: Circuit file (TOML) in place of --ring, for spice.
+    power: Also write a run from cold with this power in the bus.
+    fmi: Version of FMI for fmu: 2 or 3.
+    platforms: Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform.
+    """
     import coupled
     import surrogate
     import thermofem as th
@@ -72,7 +80,6 @@ def export(
             with working("settled period"):
                 period = _period(light, loaded, watts, hertz)
         coupled.export_ring(light, loaded, target, power=watts, detuning=hertz, period=period, **shared)
-    wrote(target, demo)
     return {"file": target, "demo": demo, "to": to, "period": period}
 
 

@@ -7,34 +7,36 @@ from typing import Annotated, Any
 import typer
 
 from . import options
-from .console import bar, say, working, written, wrote
+from .console import bar, say, working, written
 
 
 def family(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML) with ranges.")],
     output: options.Output = Path("family.npz"),
-    tolerance: Annotated[float, typer.Option(help="Wanted relative error of R_th and of every step.")] = 1e-3,
-    folder: Annotated[
-        Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
-    ] = None,
+    tolerance: float = 1e-3,
+    folder: Path | None = None,
     workers: options.Processes = 1,
-    scheduler: options.Scheduler = None,
-    power: Annotated[
-        str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
-    ] = None,
+    scheduler: str | None = None,
+    power: str | None = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
-    """Train one thermal model for all rings in the ranges of a campaign."""
+    """Train one thermal model for all rings in the ranges of a campaign.
+
+    Options
+    -------
+    tolerance: Wanted relative error of R_th and of every step.
+    folder: Keeps solved members; started again, training goes on from it.
+    power: Largest absorbed power, e.g. '2 mW'; for conductivities k(T).
+    """
     import surrogate
     import thermofem as th
     from thermofem.data import quantity
 
-    from .inputs.command_files import check_outputs, expect
+    from .inputs.command_files import expect
     from .results.family_card import family_lines, family_numbers
     from .results.heat_lines import note_cut
 
-    check_outputs([output], inputs=[file])
     expect(file, "campaign")
     hot = None if power is None else quantity.parse(power, "W", name="--power")
     with options.executor_of(context, scheduler, workers) as executor, bar("training") as progress:
@@ -47,20 +49,22 @@ def family(
         middle = trained.box.geometry(trained.box.middle)
         domain_error = th.assemble(middle, tolerance).domain_error(trained.inputs[0])
     note_cut(domain_error, tolerance, "tolerance")
-    wrote(output)
     return {"family": output, **family_numbers(trained), "domain_error": domain_error}
 
 
 def calibrate(
     file: options.Family,
     data: Annotated[list[Path], typer.Argument(help="Measured or simulated thermal traces (netCDF).")],
-    noise: Annotated[
-        str | None, typer.Option(help="Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.")
-    ] = None,
-    heated: options.Heated = None,
-    read: options.Read = None,
+    noise: str | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> dict[str, Any]:
-    """Find the ring of a family that explains thermal traces best, with standard errors."""
+    """Find the ring of a family that explains thermal traces best, with standard errors.
+
+    Options
+    -------
+    noise: Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.
+    """
     import surrogate
     import thermofem as th
     from thermofem.data import quantity

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import options
-from .console import note, parameter_unit, say, say_row, working, written, wrote
+from .console import note, parameter_unit, say, say_row, working, written
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,53 +23,56 @@ FIT_KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 def fit(
     context: typer.Context,
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table of numbers.")],
-    kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
-    order: Annotated[
-        str | None, typer.Option(help="Number of poles of a Foster network; default auto: what noise allows.")
-    ] = None,
-    power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
-    pulse: options.Pulse = None,
-    square: options.Square = None,
-    duty: options.Duty = None,
-    time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
-    temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
-    sensitivity: Annotated[
-        str | None, typer.Option(help="Reading per kelvin of the thermometer, e.g. '10 mV/K' or '75 pm/K'.")
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option(help="When the heating began, or the column of the drive; default: fitted.")
-    ] = None,
-    columns: Annotated[str | None, typer.Option(help="Columns of time and temperature by number, e.g. 4,5.")] = None,
-    units: Annotated[str | None, typer.Option(help="Units of the two columns, e.g. 'us,mV'.")] = None,
-    fall: Annotated[
-        bool, typer.Option("--fall", help="The rows fall after a long heating, or that of --pulse.")
-    ] = False,
-    baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
-    heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
-    read: Annotated[
-        str | None, typer.Option(help="Part that was read; picks one of several, and says of a table what it shows.")
-    ] = None,
-    readout: Annotated[
-        str | None, typer.Option(help="mzi: the trace is light behind an interferometer; gives bias and visibility.")
-    ] = None,
-    phase: Annotated[
-        str | None,
-        typer.Option(help="Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; without it R is in rad/W."),
-    ] = None,
-    figure: options.Figure = None,
+    kind: str = "second-order",
+    order: str | None = None,
+    power: str | None = None,
+    pulse: str | None = None,
+    square: str | None = None,
+    duty: float | None = None,
+    time: str | None = None,
+    temperature: str | None = None,
+    sensitivity: str | None = None,
+    start: str | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    fall: bool = False,
+    baseline: str | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+    readout: str | None = None,
+    phase: str | None = None,
+    figure: Path | None = None,
     output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
     """Train a compact model on heat data or on a measured trace and write it as JSON.
 
     For a table (thermofem fit scope.csv --pulse "4 us" --power "1.3 mW") --power, --pulse or --square say what was
     applied. The offset is subtracted, the start of the heating is fitted, and what was assumed is printed.
+
+    Options
+    -------
+    kind: newton, second-order, foster, spectrum or sindy.
+    order: Number of poles of a Foster network; default auto: what noise allows.
+    power: Absorbed power while a table was measured.
+    time: Column with the time, e.g. 'X (us)'; of two the first.
+    temperature: Column with the temperature or its voltage.
+    sensitivity: Reading per kelvin of the thermometer, e.g. '10 mV/K' or '75 pm/K'.
+    start: When the heating began, or the column of the drive; default: fitted.
+    columns: Columns of time and temperature by number, e.g. 4,5.
+    units: Units of the two columns, e.g. 'us,mV'.
+    fall: The rows fall after a long heating, or that of --pulse.
+    baseline: Temperature at rest; default: the mean before.
+    heated: Part that was heated.
+    read: Part that was read; picks one of several, and says of a table what it shows.
+    readout: mzi: the trace is light behind an interferometer; gives bias and visibility.
+    phase: Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; without it R is in rad/W.
     """
     import surrogate
     import thermofem as th
     from thermofem import checks
     from thermofem.data import files, quantity
 
-    from .inputs.command_files import about, check_outputs, kelvin_of
+    from .inputs.command_files import about, kelvin_of
     from .inputs.training_files import read_channel, training_of
 
     checks.choice("--kind", kind, FIT_KINDS)
@@ -90,7 +93,6 @@ def fit(
         if kind == "sindy":
             options.unused(context, f"takes one transient from rest, not {len(data)} files", "kind")
         options.unused(context, f"shows one file; {len(data)} are given", "figure")
-    check_outputs([output, figure], images=[figure], inputs=data)
     read_as: dict[str, Any] = {"columns": columns, "units": units, "time": time, "temperature": temperature}
     read_as |= {"sensitivity": sensitivity, "start": start, "baseline": baseline, "fall": fall}
     read_as |= {"heated": heated, "read": read, "light": mzi is not None}
@@ -107,7 +109,6 @@ def fit(
     _print(fitted, kind, kelvin_of(assumed))
     if figure is not None:
         _draw(fitted, training[0], figure)
-    wrote(output, figure)
     return {
         "kind": kind,
         "parameters": fitted.parameters,
@@ -119,6 +120,7 @@ def fit(
         "notes": fitted.notes,
         "assumed": assumed,
         "model": output,
+        "figure": figure,
     }
 
 

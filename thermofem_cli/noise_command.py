@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from . import options
-from .console import say, working, wrote
+from .console import say, working
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,30 +16,33 @@ PRINTED = (1e3, 1e5, 1e7)  # Hz
 
 def noise(
     geometry: options.Geometry = None,
-    wavelength: options.Wavelength = None,
-    mode: Annotated[str | None, typer.Option(help="Guided mode; default: that of [light], or TE0.")] = None,
-    temperature: Annotated[
-        str | None, typer.Option(help="Absolute temperature, e.g. '300 K'; default: the ambient of the geometry.")
-    ] = None,
-    frequency: Annotated[str, typer.Option(help="First and last frequency.")] = "100 Hz, 100 MHz",
-    accuracy: options.Accuracy = 1e-3,
-    figure: options.Figure = None,
-    csv: options.Table = None,
+    wavelength: str | None = None,
+    mode: str | None = None,
+    temperature: str | None = None,
+    frequency: str = "100 Hz, 100 MHz",
+    accuracy: float = 1e-3,
+    figure: Path | None = None,
+    csv: Path | None = None,
 ) -> dict[str, Any]:
     """Compute the thermo-refractive noise of one geometry: how quiet its resonance can be.
 
     The table has frequency and one-sided density, as programs for combs read it.
+
+    Options
+    -------
+    mode: Guided mode; default: that of [light], or TE0.
+    temperature: Absolute temperature, e.g. '300 K'; default: the ambient of the geometry.
+    frequency: First and last frequency.
     """
     import numpy as np
 
     import thermofem as th
     from thermofem.data import quantity
 
-    from .inputs.command_files import check_outputs, section_of, write_columns
+    from .inputs.command_files import section_of, write_columns
     from .inputs.drive_texts import RANGE, reading, wavelength_of
 
     section = section_of(geometry)
-    check_outputs([figure, csv], images=[figure], inputs=[geometry])
     kelvin = None if temperature is None else quantity.parse(temperature, "K", name="--temperature")
     with reading(f"--frequency = {frequency!r}", f"{RANGE} '100 Hz, 100 MHz'"):
         low, high = sorted(quantity.positive(part.strip(), "Hz", name="--frequency") for part in frequency.split(","))
@@ -62,7 +64,6 @@ def noise(
         from thermofem import plot
 
         plot.save_figure(plot.plot_noise(data.sel(frequency=slice(low, high)), float(data["S_T"][0])), figure)
-    wrote(figure, csv)
     return {**numbers, "figure": figure, "csv": csv}
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_origin
 
 import typer
 
@@ -30,31 +31,11 @@ EVERYWHERE: dict[str, tuple[Any, Any]] = {
 }
 
 Geometry = Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")]
-Mesh = Annotated[
-    Path | None, typer.Option(help="Your own mesh (.msh, in m): triangles in groups named after layers and parts.")
-]
-Accuracy = Annotated[float, typer.Option(help="Wanted relative error of the mesh.")]
 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
-Heated = Annotated[str | None, typer.Option(help="Part that takes the heat, of a model of several parts.")]
-Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of several parts; default: the heated.")]
-CONSTANT_HEATER = "Constant power, voltage or current of another part: 'heater=5 mW' or '1.2 V'."
-Heater = Annotated[list[str] | None, typer.Option("--heater", help=CONSTANT_HEATER)]
-HEATER = (
-    "Power, voltage or current of another part (heater where it has no name): 'heater=5 mW', '1.2 V', "
-    "'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
-)
-VaryingHeater = Annotated[list[str] | None, typer.Option("--heater", help=HEATER)]
 
 REFERENCE_RING = "borghi2021"
 RING = "Ring file (TOML), or one of borghi2021, borghi2021-lumped, vanvaerenbergh2012"
-Ring = Annotated[str, typer.Option(help=f"{RING}; a lumped one goes with Newton's law.")]
-Power = Annotated[str, typer.Option(help="Power in the bus waveguide.")]
-Detuning = Annotated[
-    str, typer.Option(help="Laser minus cold resonance: '-10 GHz', or in wavelength '80 pm' (to the red).")
-]
-Powers = Annotated[str, typer.Option("--power", help="First and last power in the bus waveguide.")]
-Detunings = Annotated[str, typer.Option("--detuning", help="First and last laser minus cold resonance.")]
 
 
 class PlaneTexts(NamedTuple):
@@ -65,40 +46,38 @@ class PlaneTexts(NamedTuple):
 
 
 PAPER_PLANE = PlaneTexts("3 dBm, 10 dBm", "-30 GHz, 30 GHz")
-PowersAbout = Annotated[
-    str | None,
-    typer.Option(
-        "--power", help="First and last power; default: from half the lowest one of the Hopf curve to 5 times."
-    ),
-]
-DetuningsAbout = Annotated[
-    str | None,
-    typer.Option("--detuning", help="First and last laser minus cold resonance; default: those of the Hopf curve."),
-]
-Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
-Duration = Annotated[str, typer.Option(help="Length of the run, from a cold start.")]
-Rtol = Annotated[float, typer.Option(help="Relative error of the integration.")]
-Wavelength = Annotated[
-    str | None,
-    typer.Option(help="Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm."),
-]
-HELD = "Standard deviation of a number that is held, as a share of it: 'fca_cross_section=5 %'. Repeatable."
-Held = Annotated[list[str] | None, typer.Option(help=HELD)]
-Pulse = Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'; default: a step.")]
-Square = Annotated[str | None, typer.Option(help="Heat in a square wave of this period, from rest, e.g. '1 us'.")]
-Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")]
+
+# help of options that several commands take; one that says more of its own stands in the command's docstring
+HELP = {
+    "mesh": "Your own mesh (.msh, in m): triangles in groups named after layers and parts.",
+    "accuracy": "Wanted relative error of the mesh.",
+    "heated": "Part that takes the heat, of a model of several parts.",
+    "read": "Part that is read, of a model of several parts; default: the heated.",
+    "heater": "Constant power, voltage or current of another part: 'heater=5 mW' or '1.2 V'.",
+    "ring": f"{RING}; a lumped one goes with Newton's law.",
+    "power": "Power in the bus waveguide.",
+    "detuning": "Laser minus cold resonance: '-10 GHz', or in wavelength '80 pm' (to the red).",
+    "points": "Number of powers and of detunings.",
+    "duration": "Length of the run, from a cold start.",
+    "rtol": "Relative error of the integration.",
+    "wavelength": "Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm.",
+    "held": "Standard deviation of a number that is held, as a share of it: 'fca_cross_section=5 %'. Repeatable.",
+    "pulse": "Heat for this long, e.g. '20 us'; default: a step.",
+    "square": "Heat in a square wave of this period, from rest, e.g. '1 us'.",
+    "duty": "Duty cycle of the square wave; default 1/3.",
+    "fix": "Keep a parameter, e.g. 'radius=7 um'; may be repeated.",
+    "scheduler": "Address of a Dask scheduler to compute on.",
+    "field_times": "Keep the field at '1 us, 5 us, ...'.",
+    "paraview": "Write the fields for ParaView: .xdmf, or .vtu of one time.",
+    "figure": "Also draw into this image.",
+    "csv": "Also write a table (CSV), in SI.",
+}
 
 Family = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
-Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
 
 Workers = Annotated[int | None, typer.Option(min=1, max=1024, help="Worker processes; default: one for each CPU.")]
 Processes = Annotated[int, typer.Option("--workers", min=1, max=1024, help="Worker processes.")]
-Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")]
 
-FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]
-Paraview = Annotated[Path | None, typer.Option(help="Write the fields for ParaView: .xdmf, or .vtu of one time.")]
-Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
-Table = Annotated[Path | None, typer.Option("--csv", help="Also write a table (CSV), in SI.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
@@ -121,12 +100,25 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
             raise InputError(f"--{name.strip('_').replace('_', '-')}{said} {why}; leave it out")
 
 
+OPTIONS = "\n\nOptions\n-------\n"  # heading, in the docstring of a command, of its own options: "NAME: help"
+
+
 def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return the command with the options of all commands (`EVERYWHERE`: --json, --quiet, --verbose, --threads) added.
 
-    They set up the console; ``command`` itself gets only those of them that are among its own arguments.
+    They set up the console; ``command`` itself gets only those of them that are among its own arguments. The section
+    `OPTIONS` of its docstring is the help of its own options. Its files are checked before it runs, and those that it
+    returns are named after it.
     """
-    arguments = inspect.signature(command, eval_str=True).parameters
+    arguments = dict(inspect.signature(command, eval_str=True).parameters)
+    text, _, section = (inspect.getdoc(command) or "").partition(OPTIONS)
+    words = HELP | dict(re.findall(r"^(\w+): (.+(?:\n .+)*)", section, re.MULTILINE))
+    for name, parameter in arguments.items():
+        if get_origin(parameter.annotation) is Annotated or parameter.annotation is typer.Context:
+            continue
+        flag = f"--{name.strip('_').replace('_', '-')}"
+        kind: Any = Annotated[parameter.annotation, typer.Option(flag, help=" ".join(words[name].split()))]
+        arguments[name] = parameter.replace(annotation=kind)
     common = {
         name: inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         for name, (kind, default) in EVERYWHERE.items()
@@ -137,11 +129,17 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
     def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **values: Any) -> Any:
         from thermofem.models import OutsideTrainingWarning
 
+        from .inputs.command_files import check_files
+
         warnings.simplefilter("default", OutsideTrainingWarning)  # `main` ignores the others
         console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)
-        return command(**{name: value for name, value in values.items() if name in arguments})
+        check_files(values)
+        numbers = command(**{name: value for name, value in values.items() if name in arguments})
+        console.wrote(numbers)
+        return numbers
 
     parameters = [*others, *(arguments.get(name, parameter) for name, parameter in common.items())]
+    run.__doc__ = text
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     return run
 

@@ -1,49 +1,47 @@
 """``thermofem reduce``: geometry in, certified reduced model out."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from . import options
-from .console import say, working, written, wrote
-
-READ = "Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too."
+from .console import say, working, written
 
 
 def reduce(
     context: typer.Context,
     geometry: options.Geometry = None,
-    tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
-    accuracy: options.Accuracy = 1e-3,
-    mesh: options.Mesh = None,
-    heated: Annotated[
-        str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
-    ] = None,
-    read: Annotated[
-        str | None,
-        typer.Option(help=READ),
-    ] = None,
-    positions: Annotated[
-        Path | None, typer.Option(help="Centres of many such rings: a table 'x (um),y (um)'; makes an array.")
-    ] = None,
+    tolerance: float = 1e-4,
+    accuracy: float = 1e-3,
+    mesh: Path | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+    positions: Path | None = None,
     output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
-    """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
+    """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON.
+
+    Options
+    -------
+    tolerance: Error of Z(f) over R_th, kept at every frequency.
+    heated: Inputs, the ring first: 'core, heater'; default: the ring.
+    read: Outputs: 'core, neighbour', parts, probes, light; default: the first input, with [light] the light, too.
+    positions: Centres of many such rings: a table 'x (um),y (um)'; makes an array.
+    """
     import surrogate
     import thermofem as th
     from surrogate.studies.inverse_search import channel_steps
     from thermofem import checks
     from thermofem.geometry.section_parts import LIGHT
 
-    from .inputs.command_files import check_outputs, kind_of, section_of
+    from .inputs.command_files import kind_of, section_of
     from .results.heat_lines import note_cut
     from .results.racetracks import reduced_racetrack
     from .results.reductions import over_channels, reduced_array, reduced_layout
 
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
-    check_outputs([output], inputs=[geometry, positions, mesh])
     if geometry is not None and kind_of(geometry) == "layout":
         why = "has no effect on a layout: its shapes are heated and read"
         options.unused(context, why, "heated", "read", "positions", "accuracy", "mesh")
@@ -75,7 +73,6 @@ def reduce(
         of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
         say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
     note_cut(domain_error, accuracy)
-    wrote(output)
     return {
         "unknowns": heat.unknowns,
         "poles": rom.order,

@@ -24,12 +24,16 @@ DERIVED = {
 
 def show(
     file: Annotated[Path, typer.Argument(help="Thermal model (JSON), family, ring or geometry (TOML).")],
-    figure: Annotated[Path | None, typer.Option(help="Map of the model of a layout, as an image.")] = None,
+    figure: Path | None = None,
 ) -> dict[str, Any]:
     """Print the card of a model (kind, R_th, rise time, poles, error bound, training), of a family or of a ring.
 
     A family's card has its ranges, parts and errors. A ring's numbers stand with their units, derived ones too; a
     geometry is printed whole, with the data sheet of its heaters where it has [light].
+
+    Options
+    -------
+    figure: Map of the model of a layout, as an image.
     """
     import surrogate
     import thermofem as th

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from . import options
-from .console import bar, note, say, settings, time_bar, working, wrote
+from .console import bar, note, say, settings, time_bar, working
 
 FRAMES = 60  # fields for ParaView whose times are not given
 
@@ -15,42 +15,45 @@ FRAMES = 60  # fields for ParaView whose times are not given
 def solve(
     context: typer.Context,
     geometry: options.Geometry = None,
-    power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
-    pulse: options.Pulse = None,
-    square: options.Square = None,
-    duty: options.Duty = None,
-    periodic: Annotated[
-        bool, typer.Option("--periodic", help="One period of the periodic state, not a start from rest.")
-    ] = False,
-    duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
+    power: str = "2 mW",
+    pulse: str | None = None,
+    square: str | None = None,
+    duty: float | None = None,
+    periodic: bool = False,
+    duration: str = "40 us",
     samples: Annotated[int, typer.Option(min=2, max=1_000_000, help="Number of times in the result.")] = 801,
-    heated: Annotated[
-        str | None,
-        typer.Option(help="Part that carries the power, or several that share it: 'inner, outer'; default: the first."),
-    ] = None,
-    read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
-    accuracy: options.Accuracy = 1e-3,
-    mesh: options.Mesh = None,
-    rtol: options.Rtol = 1e-4,
-    figure: options.Figure = None,
-    preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
-    no_solve: Annotated[
-        bool, typer.Option("--no-solve", help="Only draw the --preview, preview.png by default.")
-    ] = False,
-    field_times: options.FieldTimes = None,
-    paraview: options.Paraview = None,
+    heated: str | None = None,
+    read: list[str] | None = None,
+    accuracy: float = 1e-3,
+    mesh: Path | None = None,
+    rtol: float = 1e-4,
+    figure: Path | None = None,
+    preview: Path | None = None,
+    no_solve: bool = False,
+    field_times: list[str] | None = None,
+    paraview: Path | None = None,
     output: options.Output = Path("heat.nc"),
 ) -> dict[str, Any]:
     """Solve the heat equation of one geometry and write training data (netCDF).
 
     Heating is a step of POWER unless --pulse or --square is given.
+
+    Options
+    -------
+    power: Absorbed power.
+    periodic: One period of the periodic state, not a start from rest.
+    duration: Length of the transient.
+    heated: Part that carries the power, or several that share it: 'inner, outer'; default: the first.
+    read: Part or layer to read; may be repeated.
+    preview: Draw cross-section and mesh into this image.
+    no_solve: Only draw the --preview, preview.png by default.
     """
     import numpy as np
 
     import thermofem as th
     from thermofem.data import quantity
 
-    from .inputs.command_files import check_outputs, section_of
+    from .inputs.command_files import section_of
     from .inputs.drive_texts import heating, times_of
     from .results.heat_lines import draw_preview, draw_response, note_cut, say_heat, steady_rises
     from .results.heater_sheets import say_sheets
@@ -60,13 +63,11 @@ def solve(
         solving = "power", "pulse", "square", "duty", "periodic", "duration", "samples", "heated", "read", "rtol"
         options.unused(context, why, *solving, "figure", "field_times", "paraview", "output")
         picture = preview or Path("preview.png")
-        check_outputs([picture], images=[picture], inputs=[geometry, mesh])
         section = section_of(geometry)
         with working("meshing"):
             drawn = th.mesh.load(mesh) if mesh else th.mesh.mesh_for(section, accuracy)
         draw_preview(section, drawn, picture)
         say(f"{section.name}: {', '.join(drawn.region_names)}; {len(drawn.triangles)} triangles")
-        wrote(picture)
         return {"preview": picture}
     if periodic:
         why = "has no effect with --periodic: one period is solved, and no field is kept"
@@ -74,7 +75,6 @@ def solve(
     section = section_of(geometry)
     wave = heating(context, power, pulse, square, duty)
     files = [output, figure, preview, paraview]
-    check_outputs(files, images=[figure, preview], inputs=[geometry, mesh])
     length = quantity.positive(duration, "s", name="--duration")
     step = None if pulse or square else float(wave.mean(0.0, length))
     parts = options.listed(heated)
@@ -91,7 +91,6 @@ def solve(
             draw_response(data, figure)
         numbers = say_heat(data, step, {name: R * (step or 0.0) for name, R in steady.items()})
         numbers |= say_racetrack_sheets(section)
-        wrote(output, figure)
         return {**numbers, "wrote": [path for path in (output, figure) if path]}
     instants = times_of(field_times)
     if paraview and not instants:
@@ -129,7 +128,6 @@ def solve(
     numbers = say_heat(data, step, steady_rises(heat, data, step))
     note_cut(data.attrs["domain_error"], accuracy)
     sheets = say_sheets(heat)
-    wrote(*files)
     numbers |= sheets
     numbers |= {"unknowns": heat.unknowns, "read": reading or numbers["heated"]}
     return {**numbers, "wrote": [path for path in files if path]}
@@ -138,14 +136,18 @@ def solve(
 def campaign(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
-    output: options.Folder = Path("campaign"),
+    folder: options.Folder = Path("campaign"),
     workers: options.Workers = None,
-    scheduler: options.Scheduler = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
 ) -> dict[str, Any]:
     """Solve many geometries: one netCDF file for each, one index, one training collection.
 
     Started again, it goes on where it was, however it ended.
+
+    Options
+    -------
+    retry_failed: Take geometries that failed again.
     """
     import thermofem as th
     from thermofem.campaign import Summary
@@ -163,13 +165,12 @@ def campaign(
             failed = f", {summary.failed} failed" if summary.failed else ""
             progress(summary.done, summary.total, f"{summary.done}/{summary.total} {rate}{failed}")
 
-        summary = plan.run(output, executor, workers=count, retry_failed=retry_failed, report=report)
+        summary = plan.run(folder, executor, workers=count, retry_failed=retry_failed, report=report)
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     say(f"{summary.total} geometries: {found}, {summary.failed} failed")
-    with th.campaign.open_campaign(output) as index:
+    with th.campaign.open_campaign(folder) as index:
         cut = note_domain(index["domain_error"], plan.accuracy)
     if summary.failed:
-        say(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
-    files = {"index": output / "index.nc", "training": output / "training.nc"}
-    wrote(*files.values())
+        say(f"reasons are in {folder / 'failures'} and in the index; --retry-failed takes them again")
+    files = {"index": folder / "index.nc", "training": folder / "training.nc"}
     return {**asdict(summary), "domain_too_small": cut, **files}

@@ -6,22 +6,21 @@ from typing import Annotated, Any
 import typer
 
 from . import options
-from .console import wrote
 
 
 def validate(
     context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(metavar="GEOMETRY.toml | MODELS.json...", help="What to judge.")],
-    reference: Annotated[Path | None, typer.Option(help="What models are judged by: a model (JSON).")] = None,
-    power: Annotated[str, typer.Option(help="Power of the square wave.")] = "2 mW",
-    duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
-    shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
-    longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
-    accuracy: options.Accuracy = 1e-3,
-    heated: options.Heated = None,
-    read: options.Read = None,
+    reference: Path | None = None,
+    power: str = "2 mW",
+    duty: float = 1 / 3,
+    shortest: str = "0.1 us",
+    longest: str = "10 us",
+    accuracy: float = 1e-3,
+    heated: str | None = None,
+    read: str | None = None,
     ring: Annotated[str | None, typer.Option(help=f"Adds the periods of this ring: {options.RING}")] = None,
-    figure: options.Figure = None,
+    figure: Path | None = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Curves (.nc) or the figure (.png).")] = None,
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
@@ -29,6 +28,14 @@ def validate(
     Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
     given models, those. The square wave knows nothing of a ring's Q; with --ring the ring itself is solved with the
     reference and with each model, and its periods join the curve (Fig. 7).
+
+    Options
+    -------
+    reference: What models are judged by: a model (JSON).
+    power: Power of the square wave.
+    duty: Its duty cycle.
+    shortest: Shortest period.
+    longest: Longest period.
     """
     import numpy as np
     import xarray as xr
@@ -38,7 +45,7 @@ def validate(
     from thermofem.data import quantity
     from thermofem.data.files import IMAGES
 
-    from .inputs.command_files import check_outputs, ring_of
+    from .inputs.command_files import ring_of
     from .results.period_errors import (
         draw_errors,
         judged_geometry,
@@ -68,7 +75,6 @@ def validate(
     if not geometry:
         options.unused(context, "is that of a geometry's mesh; models have none", "accuracy")
         curves = curves if output else Path("period_error.nc")
-    check_outputs([*figures, curves], images=figures, inputs=[*inputs, reference, ring])
     resonator = None if ring is None else ring_of(ring)
     more: dict[str, Any] = {}
     title = ""
@@ -84,7 +90,6 @@ def validate(
         joined = xr.concat(list(found.values()), dim="model", combine_attrs="drop_conflicts")
         joined = joined.assign_coords(model=list(found))
         th.save(with_points(joined, points) if points else joined, curves)
-    wrote(*figures, curves)
     if resonator is not None:
         more |= {"ring": {name: point_numbers(each) for name, each in points.items()}}
     return {

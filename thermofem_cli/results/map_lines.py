@@ -16,7 +16,7 @@ from coupled.ring_from import tuning
 from coupled.thermal import as_read, without_origin
 from thermofem.data import quantity
 
-from ..console import note, say, working, written, wrote
+from ..console import note, say, working, written
 from ..options import PlaneTexts
 
 
@@ -35,7 +35,6 @@ def write_map(
     say(", ".join(f"{count} {name}" for name, count in points.items()))
     thresholds = say_thresholds(found)
     numbers = {"thresholds": thresholds, **say_tuning(ring, model, **parts)}
-    wrote(output, figure)
     return {"points": points, **numbers, "map": output, "figure": figure}
 
 

@@ -13,7 +13,6 @@ from thermofem.errors import InputError
 from thermofem.export.poles import poles_of
 
 from ..console import parameter_unit, written
-from ..inputs.command_files import check_outputs
 
 # name -> key in the provenance, and the largest value (in R_th, K, or the swing): beyond, the file is damaged
 CLAIMS = {
@@ -31,7 +30,6 @@ def draw_layout(model: Any, provenance: dict[str, Any], figure: Path) -> None:
     outlines = provenance.get("outlines")
     if not outlines:
         raise InputError("--figure draws the map of a layout, which `thermofem reduce` makes of [[shape]] tables")
-    check_outputs([figure], images=[figure])
     save_figure(plot_layout(model.outputs, outlines, np.asarray(model.gain)), figure)
 
 

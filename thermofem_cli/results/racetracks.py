@@ -18,7 +18,7 @@ from thermofem.geometry.resistor import heater_sheet
 from thermofem.geometry.section_parts import LIGHT, Guide
 from thermofem.optics.mode import Mode
 
-from ..console import note, say, working, written, wrote
+from ..console import note, say, working, written
 from .heater_sheets import say_each
 from .reductions import LEAST_TOLERANCE, over_channels
 
@@ -79,7 +79,6 @@ def reduced_racetrack(
         channel = f" from {row['heated']} to {row['read']}"
         rise = written(row["rise_time"], "s")
         say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{channel}, rise 10-90 % in {rise}")
-    wrote(output)
     return {
         "poles": model.order,
         "error_bound": bound,

@@ -8,7 +8,7 @@ import thermofem as th
 from thermofem import InputError
 from thermofem.data import files, quantity
 
-from ..console import say, working, wrote
+from ..console import say, working
 
 LEAST_TOLERANCE = 1e-3  # of layouts and racetracks: bends and neighbours, which they neglect, leave about that
 
@@ -34,7 +34,6 @@ def reduced_array(
     outputs, crosstalk = array.model.outputs, array.crosstalk
     for to, row in zip(outputs, crosstalk, strict=True):
         say(f"R_th of {to} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
-    wrote(output)
     return {
         "rings": len(places),
         "poles": array.poles,
@@ -56,7 +55,6 @@ def reduced_layout(path: Path, tolerance: float, output: Path) -> dict[str, Any]
     say(f"{len(names)} shapes, {layout.order} states, {passive}, error of Z(f) below {layout.error_bound:.1e} of R_th")
     for name, row in zip(names, layout.crosstalk, strict=True):
         say(f"R_th of {name} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
-    wrote(output)
     return {
         "shapes": len(names),
         "poles": layout.poles,

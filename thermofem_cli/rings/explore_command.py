@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import options
-from ..console import working, wrote
+from ..console import working
 
 
 def explore(
@@ -17,21 +17,23 @@ def explore(
             metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.npz]", help="What heats; default: the reference strip."
         ),
     ] = None,
-    ring: options.Ring = options.REFERENCE_RING,
-    power: Annotated[
-        str | None, typer.Option(help="Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.")
-    ] = None,
-    detuning: options.Detuning = "0 GHz",
-    heated: options.Heated = None,
-    read: options.Read = None,
-    heater: options.Heater = None,
-    accuracy: options.Accuracy = 1e-3,
+    ring: str = options.REFERENCE_RING,
+    power: str | None = None,
+    detuning: str = "0 GHz",
+    heated: str | None = None,
+    read: str | None = None,
+    heater: list[str] | None = None,
+    accuracy: float = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
 ) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
 
     A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it. Parts
     of a model that the light does not heat are heaters, each with a slider.
+
+    Options
+    -------
+    power: Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.
     """
     import coupled
     import surrogate
@@ -39,13 +41,12 @@ def explore(
     from thermofem import InputError
     from thermofem.data import quantity
 
-    from ..inputs.command_files import check_outputs, kind_of, note_ring, ring_of
+    from ..inputs.command_files import kind_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
     from ..inputs.light_drives import detuning_of
     from ..inputs.page_models import loaded_models, models_of_family, models_of_geometry
 
     given = list(inputs or [])
-    check_outputs([output], inputs=[*given, ring])
     if output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
     resonator = ring_of(ring)
@@ -71,5 +72,4 @@ def explore(
     with working("writing the page"):
         page: Page = coupled.explore(resonator, models, output, **settings)
     note_ring(resonator, ring)
-    wrote(output)
     return {"page": output, "characters": len(page.html), "models": list(models), "detuning": settings["detuning"]}

@@ -6,28 +6,23 @@ from typing import Annotated, Any
 import typer
 
 from .. import options
-from ..console import note, say_fitted, say_row, watched, written, wrote
+from ..console import note, say_fitted, say_row, watched, written
 
 TRACES = "Drop over time: netCDF of `thermofem simulate`, or a table, one for each power and detuning."
-UNITS = "Units of both, 'us,mV' or 'us,dBm'; any but W, mW and dBm frees the scale."
 
 
 def identify(
     traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help=TRACES)],
-    free: Annotated[str, typer.Option(help="Names of the free parameters.")] = "kappa, tau_f, tau_s, eta",
-    ring: options.Ring = options.REFERENCE_RING,
-    model: Annotated[
-        Path | None, typer.Option(help="Thermal model (JSON) to start from; default: the paper's.")
-    ] = None,
-    power: Annotated[list[str] | None, typer.Option(help="Power in the bus waveguide, of each table.")] = None,
-    detuning: Annotated[list[str] | None, typer.Option(help="Laser minus cold resonance, of each table.")] = None,
-    columns: Annotated[str, typer.Option(help="Numbers of the columns of time and drop in tables.")] = "1,2",
-    units: Annotated[
-        str | None, typer.Option(help="Units of both, 'us,mV' or 'us,dBm'; any but W, mW, dBm frees the scale.")
-    ] = None,
-    settled: Annotated[bool, typer.Option("--settled", help="The light was on long before the tables begin.")] = False,
-    held: options.Held = None,
-    figure: options.Figure = None,
+    free: str = "kappa, tau_f, tau_s, eta",
+    ring: str = options.REFERENCE_RING,
+    model: Path | None = None,
+    power: list[str] | None = None,
+    detuning: list[str] | None = None,
+    columns: str = "1,2",
+    units: str | None = None,
+    settled: bool = False,
+    held: list[str] | None = None,
+    figure: Path | None = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path(
         "identified.toml"
     ),
@@ -36,6 +31,16 @@ def identify(
     """Find parameters of a ring, its carriers and its heat from drop traces at known power and detuning.
 
     The thermal model is written beside the ring file, with the ending .json.
+
+    Options
+    -------
+    free: Names of the free parameters.
+    model: Thermal model (JSON) to start from; default: the paper's.
+    power: Power in the bus waveguide, of each table.
+    detuning: Laser minus cold resonance, of each table.
+    columns: Numbers of the columns of time and drop in tables.
+    units: Units of both, 'us,mV' or 'us,dBm'; any but W, mW, dBm frees the scale.
+    settled: The light was on long before the tables begin.
     """
     import coupled
     import thermofem as th
@@ -52,7 +57,7 @@ def identify(
     for path in traces:
         files.regular(path)
     heat = output.with_suffix(".json")
-    check_outputs([output, heat, figure], images=[figure], inputs=[*traces, ring, model])
+    check_outputs([output, heat], inputs=[*traces, model])
     resonator = ring_of(ring)
     deviations = held_of(resonator, held)
     tables = [path for path in traces if path.suffix != ".nc"]
@@ -96,7 +101,6 @@ def identify(
         say_row("held", line, ":")
     for line in result.notes:
         note(line)
-    wrote(output, heat, figure)
     return {
         "parameters": result.parameters,
         "standard_deviations": result.standard_deviations,

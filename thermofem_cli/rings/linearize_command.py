@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import options
-from ..console import say, working, wrote
+from ..console import say, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,22 +19,26 @@ if TYPE_CHECKING:
 
 def linearize(
     model: options.Model,
-    power: options.Power = "1 mW",
-    detuning: options.Detuning = "0 GHz",
-    ring: options.Ring = options.REFERENCE_RING,
-    heated: options.Heated = None,
-    read: options.Read = None,
-    heater: options.Heater = None,
-    branch: Annotated[int, typer.Option(help="Number of the steady state, by energy, where there are several.")] = 0,
+    power: str = "1 mW",
+    detuning: str = "0 GHz",
+    ring: str = options.REFERENCE_RING,
+    heated: str | None = None,
+    read: str | None = None,
+    heater: list[str] | None = None,
+    branch: int = 0,
     given: Annotated[
         str, typer.Option("--input", help="Input of figure and table: power, detuning, heat, ambient or a heater.")
     ] = "detuning",
-    figure: options.Figure = None,
-    csv: options.Table = None,
+    figure: Path | None = None,
+    csv: Path | None = None,
 ) -> dict[str, Any]:
     """Linearize a ring about a steady state: plant of a lock, bandwidths, thermal resistance with light.
 
     --json prints the matrices A, B, C, D in SI.
+
+    Options
+    -------
+    branch: Number of the steady state, by energy, where there are several.
     """
     import numpy as np
 
@@ -42,11 +46,10 @@ def linearize(
     from thermofem import checks
     from thermofem.data import quantity
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
     from ..inputs.light_drives import detuning_of
 
-    check_outputs([figure, csv], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     watts = quantity.positive(power, "W", name="--power")
     hertz = detuning_of(detuning, resonator)
@@ -69,7 +72,6 @@ def linearize(
         from thermofem.plot import save_figure
 
         save_figure(plot_bode(response, given)[0], figure)
-    wrote(figure, csv)
     matrices = {name: getattr(linear, name).tolist() for name in ("A", "B", "C", "D")}
     names = {"inputs": linear.inputs, "outputs": linear.outputs, "states": linear.states}
     return {**numbers, **names, **matrices, "figure": figure, "csv": csv}

@@ -1,7 +1,7 @@
 """``thermofem map`` and ``stability``: where a ring self-pulses, by integration or by linear stability."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -12,36 +12,38 @@ from ..console import say, watched, working
 def map_(
     context: typer.Context,
     model: options.Model,
-    ring: options.Ring = options.REFERENCE_RING,
-    heated: options.Heated = None,
-    read: options.Read = None,
-    heater: options.Heater = None,
-    power: options.Powers = options.PAPER_PLANE.power,
-    detuning: options.Detunings = options.PAPER_PLANE.detuning,
-    points: options.Points = "20, 20",
-    duration: Annotated[
-        str | None, typer.Option(help="Length of a run from a cold ring; without it, settled cycles.")
-    ] = None,
-    follow: Annotated[
-        str | None, typer.Option(help="up or down: step the laser through the detunings, without resetting the ring.")
-    ] = None,
-    resume: Annotated[
-        Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")
-    ] = None,
-    scheduler: options.Scheduler = None,
-    figure: options.Figure = None,
+    ring: str = options.REFERENCE_RING,
+    heated: str | None = None,
+    read: str | None = None,
+    heater: list[str] | None = None,
+    power: str = options.PAPER_PLANE.power,
+    detuning: str = options.PAPER_PLANE.detuning,
+    points: str = "20, 20",
+    duration: str | None = None,
+    follow: str | None = None,
+    resume: Path | None = None,
+    scheduler: str | None = None,
+    figure: Path | None = None,
     output: options.Output = Path("map.nc"),
 ) -> dict[str, Any]:
-    """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
+    """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing.
+
+    Options
+    -------
+    duration: Length of a run from a cold ring; without it, settled cycles.
+    follow: up or down: step the laser through the detunings, without resetting the ring.
+    resume: File that fills up; started again, the map goes on from it.
+    power: First and last power in the bus waveguide.
+    detuning: First and last laser minus cold resonance.
+    """
     import coupled
     from thermofem.data import quantity
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
     from ..inputs.light_drives import grid
     from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
 
-    check_outputs([output, figure, resume], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     over = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
@@ -66,25 +68,30 @@ def map_(
 
 def stability(
     model: options.Model,
-    ring: options.Ring = options.REFERENCE_RING,
-    heated: options.Heated = None,
-    read: options.Read = None,
-    heater: options.Heater = None,
-    power: options.PowersAbout = None,
-    detuning: options.DetuningsAbout = None,
-    points: options.Points = "100, 100",
-    figure: options.Figure = None,
+    ring: str = options.REFERENCE_RING,
+    heated: str | None = None,
+    read: str | None = None,
+    heater: list[str] | None = None,
+    power: str | None = None,
+    detuning: str | None = None,
+    points: str = "100, 100",
+    figure: Path | None = None,
     output: options.Output = Path("stability.nc"),
 ) -> dict[str, Any]:
-    """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles."""
+    """Classify every point of a map by linear stability; the figure adds Hopf curves and folds of states and cycles.
+
+    Options
+    -------
+    power: First and last power; default: from half the lowest one of the Hopf curve to 5 times.
+    detuning: First and last laser minus cold resonance; default: those of the Hopf curve.
+    """
     import coupled
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
     from ..inputs.light_drives import grid
     from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
 
-    check_outputs([output, figure], images=[figure], inputs=[model, ring])
     resonator = ring_of(ring)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, heated, read, powers)

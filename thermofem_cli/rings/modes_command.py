@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import options
-from ..console import note, say, working, wrote
+from ..console import note, say, working
 
 if TYPE_CHECKING:
     import thermofem as th
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 def modes(
     geometry: options.Geometry = None,
-    wavelength: options.Wavelength = None,
-    accuracy: options.Accuracy = 1e-3,
-    figure: options.Figure = None,
+    wavelength: str | None = None,
+    accuracy: float = 1e-3,
+    figure: Path | None = None,
 ) -> dict[str, Any]:
     """Compute the guided modes of one geometry on the mesh of its heat problem.
 
@@ -28,11 +28,10 @@ def modes(
     """
     import thermofem as th
 
-    from ..inputs.command_files import check_outputs, section_of
+    from ..inputs.command_files import section_of
     from ..inputs.drive_texts import wavelength_of
 
     section = section_of(geometry)
-    check_outputs([figure], images=[figure], inputs=[geometry])
     with working("solving"):
         plain = replace(section, light=None)
         bends = th.light(
@@ -56,7 +55,6 @@ def modes(
         from thermofem import plot
 
         plot.save_figure(plot.plot_mode(first), figure)
-        wrote(figure)
     return {
         "modes": numbers,
         "radius": None if math.isinf(light.radius) else light.radius,
@@ -122,28 +120,28 @@ def _leak(mode: th.optics.Mode) -> str:
 
 def ring(
     geometry: options.Geometry = None,
-    wavelength: options.Wavelength = None,
-    loss: Annotated[
-        str | None, typer.Option(help="Power loss of the guide, which heats; default: that of [light], or 2 dB/cm.")
-    ] = None,
-    gap: Annotated[
-        str | None, typer.Option(help="Gap to each bus, e.g. '250 nm'; default: the [[bus]] tables of the geometry.")
-    ] = None,
-    coupling: Annotated[
-        float | None, typer.Option(help="Power that a bus takes in one pass, instead of --gap.")
-    ] = None,
-    straight: Annotated[str, typer.Option(help="Length of each of two straight sections.")] = "0 um",
+    wavelength: str | None = None,
+    loss: str | None = None,
+    gap: str | None = None,
+    coupling: float | None = None,
+    straight: str = "0 um",
     buses: Annotated[
         int | None, typer.Option(min=1, max=2, help="Number of buses; default: 2, or that of [[bus]] tables.")
     ] = None,
-    mode: Annotated[
-        str | None, typer.Option(help="Guided mode, such as TM0; default: that of [light], or TE0.")
-    ] = None,
+    mode: str | None = None,
     output: options.Output = Path("ring.toml"),
 ) -> dict[str, Any]:
     """Compute the ring of one geometry, and write its file with the origin beside every number.
 
     ``thermofem simulate --ring`` takes it.
+
+    Options
+    -------
+    loss: Power loss of the guide, which heats; default: that of [light], or 2 dB/cm.
+    gap: Gap to each bus, e.g. '250 nm'; default: the [[bus]] tables of the geometry.
+    coupling: Power that a bus takes in one pass, instead of --gap.
+    straight: Length of each of two straight sections.
+    mode: Guided mode, such as TM0; default: that of [light], or TE0.
     """
     from scipy.constants import c
 
@@ -151,13 +149,12 @@ def ring(
     import thermofem as th
     from thermofem.data import files, quantity
 
-    from ..inputs.command_files import check_outputs, section_of
+    from ..inputs.command_files import section_of
     from ..inputs.drive_texts import wavelength_of
     from ..results.heater_sheets import say_sheets
     from ..results.racetracks import say_racetrack_sheets
 
     section = section_of(geometry)
-    check_outputs([output], inputs=[geometry])
     if loss is None and (section.light is None or section.light.loss is None):
         loss = "2 dB/cm"
     with working("solving"):
@@ -189,7 +186,6 @@ def ring(
         with working("solving the heat"):
             heat = th.assemble(replace(section, light=None)).with_light(computed.mode)
         sheets = say_sheets(heat)
-    wrote(output)
     origins = {name: {"value": o.value, "origin": o.origin, "error": o.error} for name, o in computed.origins.items()}
     return {
         "loaded_q": resonator.loaded_q,

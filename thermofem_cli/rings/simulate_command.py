@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import options
-from ..console import say, time_bar, working, wrote
+from ..console import say, time_bar, working
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,42 +16,44 @@ if TYPE_CHECKING:
     import thermofem as th
     from coupled.runs.pulsing import Pulsing
 
-SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
-MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
-LASER = (
-    "A further laser, POWER DETUNING [on OFFSET]: '1 mW 4 GHz' beats with the first; '1 uW -5 GHz on 1.5 THz' is near "
-    "the resonance 1.5 THz above. Repeatable."
-)
-
 
 def simulate(
     context: typer.Context,
     model: options.Model,
-    power: options.Power = "8 dBm",
-    detuning: options.Detuning = "0 GHz",
-    duration: options.Duration = "20 us",
-    rtol: options.Rtol = 1e-6,
-    ring: options.Ring = options.REFERENCE_RING,
-    heated: options.Heated = None,
-    read: options.Read = None,
-    heater: options.VaryingHeater = None,
-    sweep: Annotated[str | None, typer.Option(help=SWEEP)] = None,
-    modulate: Annotated[list[str] | None, typer.Option(help=MODULATE)] = None,
-    laser: Annotated[list[str] | None, typer.Option(help=LASER)] = None,
-    figure: options.Figure = None,
+    power: str = "8 dBm",
+    detuning: str = "0 GHz",
+    duration: str = "20 us",
+    rtol: float = 1e-6,
+    ring: str = options.REFERENCE_RING,
+    heated: str | None = None,
+    read: str | None = None,
+    heater: list[str] | None = None,
+    sweep: str | None = None,
+    modulate: list[str] | None = None,
+    laser: list[str] | None = None,
+    figure: Path | None = None,
     output: options.Output = Path("traces.nc"),
 ) -> dict[str, Any]:
-    """Drive a ring with a thermal model: traces, and whether and how it pulses."""
+    """Drive a ring with a thermal model: traces, and whether and how it pulses.
+
+    Options
+    -------
+    sweep: Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run.
+    modulate: Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'.
+    laser: A further laser, POWER DETUNING [on OFFSET]: '1 mW 4 GHz' beats with the first; '1 uW -5 GHz on 1.5 THz'
+        is near the resonance 1.5 THz above. Repeatable.
+    heater: Power, voltage or current of another part (heater where it has no name): 'heater=5 mW', '1.2 V',
+        'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'.
+    """
     import coupled
     import thermofem as th
     from thermofem.data import quantity
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.drive_texts import amount_of, reading
     from ..inputs.heater_drives import heater_powers
     from ..inputs.light_drives import LASER_INPUTS, lasers, light
 
-    check_outputs([output, figure], images=[figure], inputs=[model, ring])
     if sweep is not None:
         unit, _ = amount_of("--sweep", sweep.split(",")[0], *LASER_INPUTS)
         swept = LASER_INPUTS[unit]
@@ -77,7 +79,6 @@ def simulate(
     numbers = say_pulsing(found, run)
     if others:
         numbers |= {"lasers": 1 + len(others), "probes": _probes(run)}
-    wrote(output, figure)
     return {**numbers, "traces": output, "figure": figure}
 
 
@@ -109,34 +110,40 @@ def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
 
 def cosimulate(
     geometry: options.Geometry = None,
-    power: options.Power = "8 dBm",
-    detuning: options.Detuning = "0 GHz",
-    duration: options.Duration = "20 us",
-    ring: options.Ring = options.REFERENCE_RING,
-    heater: options.VaryingHeater = None,
+    power: str = "8 dBm",
+    detuning: str = "0 GHz",
+    duration: str = "20 us",
+    ring: str = options.REFERENCE_RING,
+    heater: list[str] | None = None,
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
     ] = None,
-    max_discrepancy: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
-    accuracy: options.Accuracy = 1e-3,
-    rtol: options.Rtol = 1e-6,
-    field_times: options.FieldTimes = None,
-    paraview: options.Paraview = None,
-    figure: options.Figure = None,
+    max_discrepancy: str = "1 mK",
+    accuracy: float = 1e-3,
+    rtol: float = 1e-6,
+    field_times: list[str] | None = None,
+    paraview: Path | None = None,
+    figure: Path | None = None,
     output: options.Output = Path("cosimulation.nc"),
 ) -> dict[str, Any]:
-    """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
+    """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses.
+
+    Options
+    -------
+    max_discrepancy: Discrepancy left between light and FEM.
+    heater: Power, voltage or current of another part (heater where it has no name): 'heater=5 mW', '1.2 V',
+        'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'.
+    """
     import coupled
     import thermofem as th
     from thermofem import InputError, checks
     from thermofem.data import quantity
 
-    from ..inputs.command_files import check_outputs, note_ring, ring_of, section_of
+    from ..inputs.command_files import note_ring, ring_of, section_of
     from ..inputs.drive_texts import reading, times_of
     from ..inputs.heater_drives import heater_powers
     from ..inputs.light_drives import detuning_of
 
-    check_outputs([output, figure, paraview], images=[figure], inputs=[geometry, ring, predictor])
     resonator = ring_of(ring)
     length = quantity.positive(duration, "s", name="--duration")
     settings: dict[str, Any] = {
@@ -178,7 +185,6 @@ def cosimulate(
     seconds = a["cpu_optics"] + a["cpu_corrector"]
     say(f"{a['fem_solves']} solves with {a['fem_unknowns']} unknowns, {seconds:.2g} s of CPU time")
     files = [path for path in (output, paraview, figure) if path]
-    wrote(*files)
     costs = ("windows", "passes", "largest_discrepancy", "heat_imbalance", "fem_solves", "fem_unknowns")
     return {**numbers, **{name: a[name] for name in costs}, "wrote": files}
 

@@ -6,33 +6,37 @@ from typing import Annotated, Any
 import typer
 
 from .. import options
-from ..console import note, say_fitted, say_row, working, wrote
+from ..console import note, say_fitted, say_row, working
 
 SWEEPS = "Table of wavelength and of the power at a port, one for each power; slow sweeps, up, down or both."
-FREE = "Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power."
 
 
 def sweep(
     sweeps: Annotated[list[Path], typer.Argument(metavar="TABLE...", help=SWEEPS)],
     power: Annotated[list[str], typer.Option(help="Power in the bus waveguide, of each table.")],
-    free: Annotated[str, typer.Option(help=FREE)] = "bus_rate, loss_rate, frequency, thermal_resistance",
-    ring: options.Ring = options.REFERENCE_RING,
-    model: Annotated[
-        Path | None, typer.Option(help="Thermal model (JSON) to take R_th from; default: the paper's.")
-    ] = None,
-    port: Annotated[
-        str | None, typer.Option(help="Port of the tables: drop or through; default: by its header.")
-    ] = None,
-    columns: Annotated[str, typer.Option(help="Numbers of the columns of wavelength and power.")] = "1,2",
-    units: Annotated[str | None, typer.Option(help="Units of both, 'nm,dBm'; default: those of the header.")] = None,
-    noise: Annotated[float | None, typer.Option(help="Noise of a sample in the unit of the tables, if known.")] = None,
-    held: options.Held = None,
-    figure: options.Figure = None,
+    free: str = "bus_rate, loss_rate, frequency, thermal_resistance",
+    ring: str = options.REFERENCE_RING,
+    model: Path | None = None,
+    port: str | None = None,
+    columns: str = "1,2",
+    units: str | None = None,
+    noise: float | None = None,
+    held: list[str] | None = None,
+    figure: Path | None = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Ring file (TOML) to write.")] = Path("swept.toml"),
 ) -> dict[str, Any]:
     """Find quality factors, losses and R_th of a ring from sweeps of a laser, in nm and dBm as instruments write them.
 
     The thermal model, R_th alone, is written beside the ring file, with the ending .json.
+
+    Options
+    -------
+    free: Names of the free parameters: also scattering_rate, lifetime, loaded_q, intrinsic_q, power.
+    model: Thermal model (JSON) to take R_th from; default: the paper's.
+    port: Port of the tables: drop or through; default: by its header.
+    columns: Numbers of the columns of wavelength and power.
+    units: Units of both, 'nm,dBm'; default: those of the header.
+    noise: Noise of a sample in the unit of the tables, if known.
     """
     from scipy.constants import c
 
@@ -50,7 +54,7 @@ def sweep(
     for path in sweeps:
         files.regular(path)
     heat = output.with_suffix(".json")
-    check_outputs([output, heat, figure], images=[figure], inputs=[*sweeps, ring, model])
+    check_outputs([output, heat], inputs=[*sweeps, model])
     if len(power) != len(sweeps):
         raise InputError(f"--power is given {len(power)} times for {len(sweeps)} tables", "give one for each")
     resonator = ring_of(ring)
@@ -80,7 +84,6 @@ def sweep(
     say_row("misfit", f"{result.misfit:.3g} of noise and steps")
     for line in leaning(result.sensitivities):
         say_row("held", line, ":")
-    wrote(output, heat, figure)
     return {
         "parameters": result.parameters,
         "standard_deviations": result.standard_deviations,
