@@ -8,7 +8,7 @@ This package is the only one that imports thermofem, surrogate and coupled at on
    are the five options that every command has (--json .. --threads; a command declares ``seed`` where it draws at
    random). The function imports what it needs in its body, so that --help and --version load no numerical library.
    Options that exclude each other go through `options.unused`; whether files can be written is checked before it runs
-   (`command_files.WRITTEN`). Results are printed by `console.say`, hints by `console.note`; all numbers are returned in
+   (`options.WRITTEN`). Results are printed by `console.say`, hints by `console.note`; all numbers are returned in
    SI as a dict, which --json prints, and the paths in it are the files that were written. An InputError names the
    option, the value and the rule.
 2. Add one line to `COMMANDS`, and run ``python docs/generate.py``, which writes docs/commands.md.

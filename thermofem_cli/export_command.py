@@ -42,7 +42,7 @@ def export(
     from thermofem.data import quantity
     from thermofem.export.export_header import is_export
 
-    from .inputs.command_files import check_outputs, expect, ring_of
+    from .inputs.command_files import expect, ring_of
     from .inputs.light_drives import detuning_of
 
     if to is None:
@@ -61,7 +61,7 @@ def export(
     if power and (ring or circuit):
         demonstration = rings.FORMATS[checks.choice("--to of a ring", to, rings.FORMATS)].demonstration
         demo = target.with_name(f"{target.stem}_demo{demonstration}")
-    check_outputs([target, demo], inputs=[model, ring, circuit])
+    options.check_outputs([target, demo], inputs=[model, ring, circuit])
     if output is None and target.exists() and not is_export(target):
         raise InputError(f"{target} exists and is no export of thermofem; give -o and a name, this one to replace it")
     light = ring_of(ring) if ring else coupled.Circuit.from_toml(circuit) if circuit else None

@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
+import os
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_origin
 
@@ -100,6 +101,39 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
             raise InputError(f"--{name.strip('_').replace('_', '-')}{said} {why}; leave it out")
 
 
+WRITTEN = "output", "figure", "preview", "paraview", "csv", "map_", "resume"  # options of files that a command writes
+PICTURES = "figure", "preview"
+
+
+def check_files(values: Mapping[str, Any]) -> None:
+    """`check_outputs` of a command by the names of its options and their values; a figure needs the ending of one."""
+    from thermofem.data.files import check_image
+
+    inputs: list[Any] = [values.get("ring")]
+    for name, value in values.items():
+        paths = value if isinstance(value, list) else [value]
+        if name not in WRITTEN:
+            inputs += [path for path in paths if isinstance(path, Path)]
+    check_outputs([values.get(name) for name in WRITTEN], inputs)
+    for name in PICTURES:
+        if values.get(name):
+            check_image(values[name])
+
+
+def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | str | None]) -> None:
+    """Raise InputError if an output cannot be written, or is an input or another output."""
+    from thermofem.data.files import check_target
+    from thermofem.errors import InputError
+
+    taken = {os.path.realpath(path): "read and written at once" for path in inputs if path}
+    for path in filter(None, outputs):
+        check_target(path)
+        where = os.path.realpath(path)
+        if where in taken:
+            raise InputError(f"{path} would be {taken[where]}; give it another name")
+        taken[where] = "written twice"
+
+
 OPTIONS = "\n\nOptions\n-------\n"  # heading, in the docstring of a command, of its own options: "NAME: help"
 
 
@@ -128,8 +162,6 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **values: Any) -> Any:
         from thermofem.models import OutsideTrainingWarning
-
-        from .inputs.command_files import check_files
 
         warnings.simplefilter("default", OutsideTrainingWarning)  # `main` ignores the others
         console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)

@@ -137,17 +137,18 @@ class Family:
         """Names of the ports: heated parts first, then further parts that are read."""
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
-    def channel(self, heated: str | None = None, read: str | None = None) -> tuple[int, int]:
-        """Indices in `ports` of a heated and a read part; default the first heated one, and itself where it is read."""
+    def channel(self, heated: str | None = None, read: str | None = None) -> ChannelNames:
+        """Names of a heated and a read part; default the first heated one, and itself or what the family reads first.
+
+        Raises InputError: a part that is not heated, or not read.
+        """
         a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
         default = a if a in self.outputs else self.outputs[0]
-        b = checks.choice("read", read, self.outputs, default=default)
-        return self.ports.index(a), self.ports.index(b)
+        return ChannelNames(a, checks.choice("read", read, self.outputs, default=default))
 
-    def named_channel(self, heated: str | None = None, read: str | None = None) -> ChannelNames:
-        """Names of a heated and a read part; defaults and errors as of `channel`."""
-        a, b = self.channel(heated, read)
-        return ChannelNames(self.ports[a], self.ports[b])
+    def indices(self, channel: ChannelNames) -> tuple[int, int]:
+        """Indices in `ports` of the heated and of the read part."""
+        return self.ports.index(channel.heated), self.ports.index(channel.read)
 
     def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Channel | LitMember:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
@@ -167,14 +168,13 @@ class Family:
         InputError
             a parameter missing or unknown, or a value outside the box.
         """
+        channel = self.channel(heated, read)
         if heated is None and read is None and self.has_light_beside:
-            a, b = self.channel()
             modes = self.members.member(self.box.row(values)).modes()
-            light = self.ports.index(LIGHT)
-            names = self.ports[a], self.ports[b]
-            system = two_outputs(modes, names, (a, b, light), self._origin(LIGHT))
-            return LitMember(system, self._foster(modes, a, b))
-        return self.of_channel(self.named_channel(heated, read), values)
+            ports = (*self.indices(channel), self.ports.index(LIGHT))
+            system = two_outputs(modes, (channel.heated, channel.read), ports, self._origin(LIGHT))
+            return LitMember(system, self._foster(modes, channel))
+        return self.of_channel(channel, values)
 
     @property
     def has_light_beside(self) -> bool:
@@ -187,21 +187,19 @@ class Family:
 
     def of_channel(self, channel: ChannelNames, values: Mapping[str, Any]) -> Channel:
         """`model` of a channel; ``values`` maps the name of each parameter to its value in SI."""
-        a, b = self.channel(channel.heated, channel.read)
         row = self.box.row(values)
         modes = self.members.member(row).modes()
-        return self._with_output_map(self._foster(modes, a, b), row, (a, b))
+        return self._with_output_map(self._foster(modes, channel), row, channel)
 
     def of_member(self, row: Array) -> Channel:
         """`model` of the first channel, for the parameters ``row`` in SI, shape (p,)."""
-        return self.of_channel(self.named_channel(), self.box.named(row))
+        return self.of_channel(self.channel(), self.box.named(row))
 
-    def _with_output_map(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Channel:
+    def _with_output_map(self, linear: Foster, row: Array, channel: ChannelNames) -> Channel:
         if self.output_maps is None:
             return linear
         if channel != self.channel():
-            a, b = channel
-            text = f"heat in {self.ports[a]!r} read in {self.ports[b]!r} is linear, right at small power"
+            text = f"heat in {channel.heated!r} read in {channel.read!r} is linear, right at small power"
             warnings.warn(f"{text}; k(T) is followed in the first channel alone", OutsideTrainingWarning, stacklevel=3)
             return linear
         return self.output_maps.on(linear, self.box.share(row))
@@ -225,24 +223,18 @@ class Family:
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
     ) -> Channel:
         """Return a member with few poles; its impedance differs from that of `model` by at most ``tolerance`` R_th."""
-        a, b = self.channel(heated, read)
-        name = self.ports[b]
-        system = self.system(**values).channel(self.ports[a], name)
-        channel = replace(system, origin=self._origin(name))
-        model: Any = reduce(channel, tolerance).model  # a Foster network
-        return self._with_output_map(model, self.box.row(values), (a, b))
+        channel = self.channel(heated, read)
+        system = self.system(**values).channel(channel.heated, channel.read)
+        model: Any = reduce(replace(system, origin=self._origin(channel.read)), tolerance).model  # a Foster network
+        return self._with_output_map(model, self.box.row(values), channel)
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
         """Return R_th in K/W of many members; the values broadcast against each other."""
         rows = self.box.rows(values)
         *shape, size = rows.shape
-        channel = self.channel(heated, read)
+        channel = self.indices(self.channel(heated, read))
         R_th = self.members.resistances(rows.reshape(-1, size), *channel)
         return R_th.reshape(shape)
-
-    def chosen_channel(self, heated: str | None, read: str | None) -> ChannelNames | None:
-        """`named_channel` where one of both names is given, else None; errors as of `channel`."""
-        return None if heated is None and read is None else self.named_channel(heated, read)
 
     def step_response(
         self, times: ArrayLike, *, heated: str | None = None, read: str | None = None, **values: ArrayLike
@@ -251,7 +243,7 @@ class Family:
         t = checks.numbers("times", times)
         rows = self.box.rows(values)
         *shape, size = rows.shape
-        channel = self.channel(heated, read)
+        channel = self.indices(self.channel(heated, read))
         after = np.maximum(t.ravel(), 0.0)
         rises = []
         for row in rows.reshape(-1, size):
@@ -295,53 +287,41 @@ class Family:
         impedance = None if f is None else modal.impedance(f)
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
-        return data.assign_attrs(vars(self.named_channel(heated, read)))
+        return data.assign_attrs(vars(channel))
 
-    def doubts(self, row: Array, channel: tuple[int, int]) -> tuple[str, ...]:
+    def doubts(self, row: Array, channel: ChannelNames) -> tuple[str, ...]:
         """Warnings about derivatives of one member, at parameters of shape (p,), that the basis may represent badly.
 
         The basis is trained on temperatures. These hardly depend on a nearly perfect contact, least of all where
         another part is read than heated.
         """
-        a, b = channel
         small = self.box.contact & (row < FAR_CONTACT)
-        if a == b or not small.any():
+        if channel.heated == channel.read or not small.any():
             return ()
         names = ", ".join(itertools.compress(self.names, small))
         text = f"derivatives by {names} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be wrong"
-        return (f"{text} by a large factor where {self.ports[b]!r} is read: take thermofem.derivatives of a mesh",)
+        return (f"{text} by a large factor where {channel.read!r} is read: take thermofem.derivatives of a mesh",)
 
-    def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
+    def modal_derivative(self, row: Array, channel: ChannelNames | None = None) -> ModalDerivative:
         """One member in M-orthonormal modes, and derivatives of its matrices by central differences.
 
         The step is in proportion to a contact resistance, as it enters as 1/R, and to the range of any other parameter.
         """
         contact = self.box.contact
-        a, b = channel or self.channel()
+        a, b = self.indices(channel or self.channel())
         # 1e-11 m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
         row = np.where(contact, np.maximum(row, 1e-11), row)
         small = self.members.member(row)
         rate, v = eigh(small.K, small.M, check_finite=False)
-        K = []
-        M = []
-        heating = []
-        reading = []
-        scale = np.where(contact, row, self.box.high - self.box.low)
-        for shift in np.diag(DIFFERENCE_STEP * scale):
-            up = self.members.member(row + shift)
-            down = self.members.member(row - shift)
-            width = 2 * shift.sum()
-            dK = (up.K - down.K) / width
-            dM = (up.M - down.M) / width
-            dports = (up.ports - down.ports) / width
-            in_modes = dports @ v
-            K.append(v.T @ dK @ v)
-            M.append(v.T @ dM @ v)
-            heating.append(in_modes[a])
-            reading.append(in_modes[b])
+        step = DIFFERENCE_STEP * np.where(contact, row, self.box.high - self.box.low)
+        up = self.members.matrices(row + np.diag(step))
+        down = self.members.matrices(row - np.diag(step))
+        width = 2 * step[:, None, None]
+        dK = v.T @ ((up.K - down.K) / width) @ v
+        dM = v.T @ ((up.M - down.M) / width) @ v
+        dports = (up.ports - down.ports) / width @ v
         port = small.ports @ v
-        slopes = np.array(K), np.array(M), np.array(heating), np.array(reading)
-        return ModalDerivative(rate, port[a], port[b], *slopes)
+        return ModalDerivative(rate, port[a], port[b], dK, dM, dports[:, a], dports[:, b])
 
     def certify(self, **values: float) -> Certified:
         """Compare one member with the certified reduction on its own mesh."""
@@ -354,19 +334,18 @@ class Family:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
         return family_files.save(self, path)
 
-    def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
-        R = modes.R(a, b)
+    def _foster(self, modes: MemberModes, channel: ChannelNames) -> Foster:
+        R = modes.R(*self.indices(channel))
         size = np.abs(R)
         # 1e-12: of R_th: poles with less are left out
         strong = size > 1e-12 * size.sum()
         used = strong & (modes.tau > 0)
-        heated = self.ports[a]
-        read = self.ports[b]
-        return Foster(R=R[used], tau=modes.tau[used], inputs=(heated,), outputs=(read,), origin=self._origin(read))
+        origin = self._origin(channel.read)
+        return Foster(R[used], modes.tau[used], inputs=(channel.heated,), outputs=(channel.read,), origin=origin)
 
     def _origin(self, read: str) -> dict[str, Any] | None:
-        """Origin of a model read in ``read``: the mode whose temperature "light" is, and a warning of the training."""
-        origin = {name: text for name, text in self.provenance.items() if name == "warning"}
+        """Origin of a model read in ``read``: that of the family, and the mode whose temperature "light" is."""
+        origin = dict(self.provenance)
         light = self.box.base.light
         if read == LIGHT and light is not None:
             origin |= {MODE: light.mode, WAVELENGTH: light.wavelength}

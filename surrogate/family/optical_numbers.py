@@ -131,6 +131,11 @@ class LitMember(HasModel):
     first: Foster
 
     @property
+    def provenance(self) -> dict[str, Any]:
+        """Origin of the member."""
+        return dict(self.model.origin or {})
+
+    @property
     def _other(self) -> Foster:
         return self.first
 

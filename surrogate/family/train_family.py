@@ -209,7 +209,7 @@ def train_family(
         optics=optics,
     )
     if power is not None:
-        channel = family.named_channel()
+        channel = family.channel()
         linear: Any = family.of_member
         maps = interpolate_output_maps(engine, (channel.heated, channel.read), power, linear, seed, passing)
         family = replace(family, output_maps=maps)

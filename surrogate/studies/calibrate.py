@@ -128,7 +128,6 @@ def calibrate(
     low, high = np.array(list(ranges.values())).T
     responses = responses_of(data)
     channel = family.channel(heated, read)
-    names = family.named_channel(heated, read)
     _check_channel(family, channel, data)
     warn_of(responses)
     measured = np.concatenate([response.rise for response in responses])
@@ -140,7 +139,7 @@ def calibrate(
 
     def member(x: Array) -> OutputMap:
         values = span.named(span.at(x))
-        poles: OutputMap = two_kinds(family.of_channel(names, values))
+        poles: OutputMap = two_kinds(family.of_channel(channel, values))
         return poles
 
     def linear_rise(model: OutputMap) -> Array:
@@ -188,7 +187,7 @@ def calibrate(
         active=at_edge(family.names, x),
         certified=family.certify(**values),
         family=family,
-        channel=names,
+        channel=channel,
     )
 
 
@@ -199,7 +198,7 @@ def _linear_rise(poles: Foster, response: Response) -> Array:
     return phi @ poles.gain
 
 
-def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
+def _check_channel(family: Family, channel: ChannelNames, data: Any) -> None:
     """Raise InputError where data were heated or read in other parts than the members; warn of several geometries.
 
     A measured table states only the name of its column, which counts as a part only where the geometry has such a part.
@@ -210,8 +209,7 @@ def _check_channel(family: Family, channel: tuple[int, int], data: Any) -> None:
     if len(geometries) > 1:
         log.warning("data were solved for different geometries, and one set of parameters is fitted to all of them")
     for dataset in map(at_probe, datasets):
-        for what, port in zip(("heated", "read"), channel, strict=True):
-            of_members = family.ports[port]
+        for what, of_members in vars(channel).items():
             part = str(dataset.attrs.get(what) or of_members)
             named = "heated" in dataset.attrs or part in regions
             if named and part != of_members:

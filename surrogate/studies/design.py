@@ -139,8 +139,8 @@ def design(
         if name in QUANTITIES:
             checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance, executor)
-    channel = family.named_channel(heated, read)
-    search = search_of(family, free, target, fixed, optics, family.chosen_channel(heated, read))
+    channel = family.channel(heated, read)
+    search = search_of(family, free, target, fixed, optics, heated, read)
     x = _nearest(search, seed, executor)
     achieved = search.achieved(x)
     if np.isnan(list(achieved.values())).all():

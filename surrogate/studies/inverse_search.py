@@ -19,7 +19,6 @@ from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import two_kinds
 
 from ..family import Family, train_family
-from ..family.family import ChannelNames
 
 log = logging.getLogger("thermofem")
 
@@ -147,8 +146,8 @@ def word(quantity: Quantity) -> str:
 class Property:
     """A property as a function of a member's parameters; nan where its computation raises InputError.
 
-    channel: heated part, and what is read, of the model that the property is one of; default the family's first, and of
-        a function `Family.at`, which has "light", too, where the family reads it.
+    heated, read: channel of the model that the property is one of; default the family's first, and of a function
+        `Family.at`, which has "light", too, where the family reads it.
     reason: why the last member without the property has none.
     """
 
@@ -157,7 +156,8 @@ class Property:
         family: Family,
         quantity: Quantity,
         optics: Follows | None = None,
-        channel: ChannelNames | None = None,
+        heated: str | None = None,
+        read: str | None = None,
     ) -> None:
         if optics is not None:
             checks.has("optics", optics, "changes", hint="surrogate.Optics, or coupled.ring_family.MovingRing")
@@ -167,8 +167,8 @@ class Property:
         self.family = family
         self.quantity = quantity
         self.optics = optics
-        self.channel = channel or family.named_channel()
-        self.whole = channel is None and callable(quantity)
+        self.channel = family.channel(heated, read)
+        self.whole = heated is None and read is None and callable(quantity)
         self.reason = "none was looked at"
 
     @property
@@ -300,7 +300,8 @@ def search_of(
     target: Mapping[Quantity, float],
     fixed: Mapping[str, float] | None,
     optics: Follows | None,
-    channel: ChannelNames | None,
+    heated: str | None,
+    read: str | None,
 ) -> Search:
     """Check targets, ranges and fixed values, and make the `Search`."""
     fixed = checks.mapping("fixed", fixed)
@@ -320,7 +321,7 @@ def search_of(
             low[k] = high[k] = held[k]
     if not np.any(high > low):
         raise checks.InputError("nothing is free; name a parameter in free, or fix fewer")
-    properties = {word(quantity): Property(family, quantity, optics, channel) for quantity in target}
+    properties = {word(quantity): Property(family, quantity, optics, heated, read) for quantity in target}
     return Search(family, low, high, held, properties, wanted_of(target))
 
 

@@ -87,8 +87,7 @@ def uncertainty(
     """
     fixed = checks.mapping("fixed", fixed)
     _check(family, distributions, fixed, samples)
-    channel = family.chosen_channel(heated, read)
-    study = _Study(Property(family, quantity, optics, channel), distributions, fixed, executor)
+    study = _Study(Property(family, quantity, optics, heated, read), distributions, fixed, executor)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
     attrs |= {"heated": study.of_member.channel.heated, "read": study.of_member.read}
     values: Callable[[Array], Any] = study.values
@@ -110,7 +109,7 @@ def uncertainty(
         data["per_deviation"] = ("parameter", study.per_deviation())
         if optics is not None and callable(quantity):
             changes = optics.changes(family, study.medians)
-            still = Property(family, lambda model: quantity(model, changes), channel=channel)
+            still = Property(family, lambda model: quantity(model, changes), heated=heated, read=read)
             data["per_deviation_heat"] = ("parameter", replace(study, of_member=still).per_deviation())
         return data
     points = np.size(like)

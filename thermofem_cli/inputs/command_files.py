@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import shlex
 import zipfile
@@ -50,8 +49,6 @@ MAKES = {
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
     ("data", "table"): "thermofem.save(thermofem.read_trace('{}', ...), 'data.nc')",
 }
-WRITTEN = "output", "figure", "preview", "paraview", "csv", "map_", "resume"  # options of files that a command writes
-PICTURES = "figure", "preview"
 FAMILY_HEADER = "header.npy"  # in the archive of a family
 # kind of a TOML file -> keys of which one is enough to tell it
 TABLES = {
@@ -98,30 +95,6 @@ def kind_of(path: Path) -> str | None:
     if ending in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py"):
         return None
     return "table" if has_rows(first) else "text"
-
-
-def check_files(values: Mapping[str, Any]) -> None:
-    """`check_outputs` of a command by the names of its options and their values; a figure needs the ending of one."""
-    inputs: list[Any] = [values.get("ring")]
-    for name, value in values.items():
-        paths = value if isinstance(value, list) else [value]
-        if name not in WRITTEN:
-            inputs += [path for path in paths if isinstance(path, Path)]
-    check_outputs([values.get(name) for name in WRITTEN], inputs)
-    for name in PICTURES:
-        if values.get(name):
-            files.check_image(values[name])
-
-
-def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | str | None]) -> None:
-    """Raise InputError if an output cannot be written, or is an input or another output."""
-    taken = {os.path.realpath(path): "read and written at once" for path in inputs if path}
-    for path in filter(None, outputs):
-        files.check_target(path)
-        where = os.path.realpath(path)
-        if where in taken:
-            raise InputError(f"{path} would be {taken[where]}; give it another name")
-        taken[where] = "written twice"
 
 
 def write_columns(path: Path, columns: Mapping[str, Any]) -> None:

@@ -46,7 +46,7 @@ def spreads_of(family: Family, given: list[str]) -> dict[str, Any]:
 def channel_of(family: Family, heated: str | None, read: str | None) -> ChannelNames:
     """The channel of --heated and --read; the error has the options' names."""
     check_channel(family, heated, read)
-    return family.named_channel(heated, read)
+    return family.channel(heated, read)
 
 
 def ring_for(family: Family, channel: ChannelNames, given: str, read: str | None) -> tuple[RingResonator, ChannelNames]:

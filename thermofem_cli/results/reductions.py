@@ -5,6 +5,7 @@ from typing import Any
 
 import surrogate
 import thermofem as th
+from surrogate.reduction.array_reduction import ArrayReduction
 from thermofem import InputError
 from thermofem.data import files, quantity
 
@@ -29,41 +30,34 @@ def reduced_array(
     """Reduce an array of equal rings at given positions: one input and output for each, further inputs for heaters."""
     places = _places(positions)
     array = surrogate.reduce_array(heat, places, tolerance, heated=heated[0], heaters=heated[1:])
-    surrogate.save_model(array.model, output, provenance=array.provenance)
-    say(f"{len(places)} rings, {array.poles} poles, error of Z(f) below {array.error_bound:.1e} of R_th everywhere")
-    outputs, crosstalk = array.model.outputs, array.crosstalk
-    for to, row in zip(outputs, crosstalk, strict=True):
-        say(f"R_th of {to} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
-    return {
-        "rings": len(places),
-        "poles": array.poles,
-        "error_bound": array.error_bound,
-        "heated": list(array.model.inputs),
-        "read": list(outputs),
-        "thermal_resistance": crosstalk.tolist(),
-        "model": output,
-    }
+    numbers = _written(array, output, f"{len(places)} rings, {array.poles} poles", "everywhere")
+    return {"rings": len(places), **numbers}
 
 
 def reduced_layout(path: Path, tolerance: float, output: Path) -> dict[str, Any]:
     """Reduce a layout: one input and output for each shape."""
     with working("solving the sections of the shapes and their paths"):
         layout = surrogate.reduce_layout(th.read_layout(path), max(tolerance, LEAST_TOLERANCE))
-        surrogate.save_model(layout.model, output, provenance=layout.provenance)
-    names = list(layout.model.outputs)
+    count = len(layout.model.outputs)
     passive = "passive" if layout.passive else "not passive"
-    say(f"{len(names)} shapes, {layout.order} states, {passive}, error of Z(f) below {layout.error_bound:.1e} of R_th")
-    for name, row in zip(names, layout.crosstalk, strict=True):
-        say(f"R_th of {name} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
+    numbers = _written(layout, output, f"{count} shapes, {layout.order} states, {passive}")
+    half_times = layout.half_times.tolist()
+    return {"shapes": count, **numbers, "half_times": half_times, "passive": layout.passive}
+
+
+def _written(array: ArrayReduction, output: Path, size: str, where: str = "") -> dict[str, Any]:
+    """Write a model of many rings or shapes; print and return its size, its error, and R_th of all of them."""
+    surrogate.save_model(array.model, output, provenance=array.provenance)
+    say(f"{size}, error of Z(f) below {array.error_bound:.1e} of R_th {where}".rstrip())
+    for name, row in zip(array.model.outputs, array.crosstalk, strict=True):
+        values = [f"{value / 1e3:.4g}" for value in row]
+        say(f"R_th of {name} in K/mW: {', '.join(values)}")
     return {
-        "shapes": len(names),
-        "poles": layout.poles,
-        "error_bound": layout.error_bound,
-        "heated": names,
-        "read": names,
-        "thermal_resistance": layout.crosstalk.tolist(),
-        "half_times": layout.half_times.tolist(),
-        "passive": layout.passive,
+        "poles": array.poles,
+        "error_bound": array.error_bound,
+        "heated": list(array.model.inputs),
+        "read": list(array.model.outputs),
+        "thermal_resistance": array.crosstalk.tolist(),
         "model": output,
     }
 

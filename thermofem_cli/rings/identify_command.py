@@ -50,14 +50,14 @@ def identify(
     from thermofem.errors import InputError
     from thermofem.models import save_model
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.light_drives import detuning_of
     from ..inputs.light_tables import drop_table, held_of
 
     for path in traces:
         files.regular(path)
     heat = output.with_suffix(".json")
-    check_outputs([output, heat], inputs=[*traces, model])
+    options.check_outputs([output, heat], inputs=[*traces, model])
     resonator = ring_of(ring)
     deviations = held_of(resonator, held)
     tables = [path for path in traces if path.suffix != ".nc"]

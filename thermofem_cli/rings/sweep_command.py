@@ -48,13 +48,13 @@ def sweep(
     from thermofem.errors import InputError
     from thermofem.models import save_model
 
-    from ..inputs.command_files import check_outputs, model_of, note_ring, ring_of
+    from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.light_tables import held_of, rate_bounds, sweep_table
 
     for path in sweeps:
         files.regular(path)
     heat = output.with_suffix(".json")
-    check_outputs([output, heat], inputs=[*sweeps, model])
+    options.check_outputs([output, heat], inputs=[*sweeps, model])
     if len(power) != len(sweeps):
         raise InputError(f"--power is given {len(power)} times for {len(sweeps)} tables", "give one for each")
     resonator = ring_of(ring)
