@@ -58,41 +58,36 @@ def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
     """Group coefficients that are proportional to each other.
 
     samples [shape (n, q)]: q coefficients at n random members.
-    Returns: group of each coefficient, and its ratio to the first one of the group; shape (q,) each.
+    Returns: the first coefficient of each of g groups, shape (g,), and the ratios of all coefficients to that of their
+    group, shape (g, q), zero in the others.
     """
     size = np.maximum(np.linalg.norm(samples, axis=0), 1e-300)
     # 11 digits: two coefficients of constant ratio over the box are one; where round-off parts them they stay two
     directions = (samples / size).round(11)
     _, first, kind = np.unique(directions, axis=1, return_index=True, return_inverse=True)
-    leading = first[kind]
-    return kind, size / size[leading]
-
-
-def _first(kinds: tuple[NDArray[np.intp], Array]) -> NDArray[np.intp]:
-    """Index of the first coefficient of every group."""
-    _, first = np.unique(kinds[0], return_index=True)
-    return first
+    ratios = np.zeros((len(first), len(size)))
+    ratios[kind, np.arange(len(size))] = size / size[first[kind]]
+    return first, ratios
 
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Coefficients of the terms of K and M as functions of the parameters.
 
-    stiffness, capacity [(int array, array)]: group of each coefficient of `CellGrid.coefficients`, and its ratio to the
-        first one of the group (`group_proportional`).
+    stiffness, capacity [int arrays]: those of `CellGrid.coefficients` that are not proportional to an earlier one.
     """
 
     grid: CellGrid
-    stiffness: tuple[NDArray[np.intp], Array]
-    capacity: tuple[NDArray[np.intp], Array]
+    stiffness: NDArray[np.intp]
+    capacity: NDArray[np.intp]
     surface: SampledWeights | None
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
         """Coefficients of the terms of K (n, q) and of M (n, m), and of volumes (n, 2 c), for parameters (n, p)."""
         at = self.grid.box.properties(rows)
         stiffness, capacity, volume = self.grid.coefficients(rows, at)
-        K = stiffness[:, _first(self.stiffness)]
-        M = capacity[:, _first(self.capacity)]
+        K = stiffness[:, self.stiffness]
+        M = capacity[:, self.capacity]
         if self.surface is not None:
             weights = self.surface.points.weights(self.grid, rows, at)
             K = np.concatenate([K, weights], axis=1)
@@ -134,8 +129,11 @@ class AffineEngine:
         return on_mesh(self.box.geometry(row), moved, self.accuracy)
 
     @cached_property
-    def _sampled(self) -> tuple[Coefficients, Any]:
-        """Coefficients of all terms, and the sparse traces at the surface points (None without such surfaces)."""
+    def _sampled(self) -> tuple[Coefficients, Array, Array, Any]:
+        """Coefficients of all terms, the ratios of `group_proportional` for K and M, and the traces at surface points.
+
+        The traces are sparse, None without such surfaces.
+        """
         rows = self.box.draw(SAMPLE_MEMBERS, seed=1)
         at = self.box.properties(rows)
         stiffness, capacity, _ = self.grid.coefficients(rows, at)
@@ -146,14 +144,15 @@ class AffineEngine:
             every, traces = pair
             weights = every.weights(self.grid, rows, at)
             surface = SampledWeights.of(every, weights)
-        kinds = group_proportional(stiffness), group_proportional(capacity)
-        return Coefficients(self.grid, *kinds, surface), traces
+        first_K, ratios_K = group_proportional(stiffness)
+        first_M, ratios_M = group_proportional(capacity)
+        return Coefficients(self.grid, first_K, first_M, surface), ratios_K, ratios_M, traces
 
     def project(self, V: Array, ports: tuple[str, ...]) -> AffineMembers:
         """Project the family on the functions V, shape (free unknowns, N)."""
         discretization = self.reference.discretization
         basis = discretization.basis
-        coefficients, traces = self._sampled
+        coefficients, ratios_K, ratios_M, traces = self._sampled
         n = V.shape[1]
         full = np.zeros((basis.N, n))
         full[discretization.free] = V
@@ -171,12 +170,12 @@ class AffineEngine:
             M[:, c] = _projected(capacity[:, here], local)
             L[:, c] = np.einsum("ktb,tbn->kn", load[:, here], local)
             volume[:, c] = load[:, here].sum(axis=(1, 2))
-        K_terms = _summed(K, coefficients.stiffness)
+        K_terms = np.tensordot(ratios_K, K.reshape(-1, n, n), 1)
         if coefficients.surface is not None:
             U = traces @ full
             extra = [U.T @ (mode[:, None] * U) for mode in coefficients.surface.modes.T]
             K_terms = np.concatenate([K_terms, extra])
-        M_terms = _summed(M, coefficients.capacity)
+        M_terms = np.tensordot(ratios_M, M.reshape(-1, n, n), 1)
         inside = np.array([owner == name for name in ports])[:, None]
         P = inside[..., None] * L
         volumes = inside * volume
@@ -190,15 +189,6 @@ def _projected(terms: Array, functions: Array) -> list[Array]:
     """Sum over t triangles of v^T A v for each of k element matrices A (k, t, b, b) and functions v (t, b, n)."""
     flat = functions.reshape(-1, functions.shape[-1])
     return [flat.T @ np.matmul(A, functions).reshape(flat.shape) for A in terms]
-
-
-def _summed(matrices: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
-    """Sum of the matrices (..., n, n) of each group of proportional coefficients, by their ratios to the first one."""
-    kind, ratio = kinds
-    terms = matrices.reshape(kind.size, *matrices.shape[-2:])
-    total = np.zeros((kind.max() + 1, *terms.shape[1:]))
-    np.add.at(total, kind, ratio[:, None, None] * terms)
-    return total
 
 
 def _mesh(grid: CellGrid, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:

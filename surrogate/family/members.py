@@ -254,16 +254,14 @@ FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
 
 
 @dataclass(frozen=True, eq=False)
-class Member:
-    """A member solved on the reference mesh.
+class Member(MemberModes):
+    """A member solved on the reference mesh, by the modes of its certified reduction.
 
     row [shape (p,)]
-    modes: its certified reduction.
     fields [shape (unknowns, m)]: orthogonal combinations of the fields at all shifts, their energies decreasing.
     """
 
     row: Array
-    modes: MemberModes
     fields: Array
 
 
@@ -287,7 +285,7 @@ def snapshot_of(engine: Any, row: Array, ports: tuple[str, ...], tolerance: floa
     u, s, _ = np.linalg.svd(root * W, full_matrices=False)
     strong = s**2 > 1e-5 * tolerance  # 1e-5 of the tolerance: energy of a mode of the snapshots that is left out
     combinations = u[:, strong] * s[strong] / root
-    return Member(row, modes, projected.basis @ combinations)
+    return Member(modes.tau, modes.ports, row, projected.basis @ combinations)
 
 
 def extend_basis(V: Array, X: Any, fields: Array, least: float) -> Array:
@@ -374,7 +372,7 @@ class Solver:
                     log.warning("a member failed and is left out: %s", reason)
                     continue
                 if self.store:
-                    self.store.write(keys[k], _packed(solved[k]))
+                    self.store.write(keys[k], pack(vars(solved[k]), deflated=False))
         if tasks and all(member is None for member in solved):
             raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
         return solved
@@ -391,16 +389,7 @@ def _of_job(function: Callable[..., Any], job: Job) -> Any:
     return function(*job[1])
 
 
-def _packed(solved: Any) -> bytes:
-    """Archive of a solved member or of its modes alone."""
-    arrays = dict(vars(solved))
-    if isinstance(solved, Member):
-        arrays |= vars(arrays.pop("modes"))
-    return pack(arrays, deflated=False)
-
-
 def _member(raw: bytes) -> Member | MemberModes:
-    """The member, or the modes alone, that an archive of `_packed` holds."""
+    """The member, or the modes alone, whose arrays an archive holds."""
     arrays = unpack(raw)
-    modes = MemberModes(arrays.pop("tau"), arrays.pop("ports"))
-    return Member(modes=modes, **arrays) if arrays else modes
+    return Member(**arrays) if "row" in arrays else MemberModes(**arrays)

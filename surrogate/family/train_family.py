@@ -82,7 +82,7 @@ class Trainer:
             for member in new:
                 if number:
                     predicted = projected(self.engine.heat(member.row), self.V, self.ports)
-                    errors.append(difference(predicted.modes(), member.modes, self.heated))
+                    errors.append(difference(predicted.modes(), member, self.heated))
                 self.members.append(member)
             log.info("%d members solved, %d functions", len(self.members), self.V.shape[1])
             if errors and max(errors) <= SHARE_OF_BASIS * self.tolerance:
@@ -103,7 +103,7 @@ class Trainer:
         """Whether every solved member is within `SHARE_OF_BASIS` of the tolerance."""
         for member in self.members:
             modes = projection.member(member.row).modes()
-            if difference(modes, member.modes, self.heated) > SHARE_OF_BASIS * self.tolerance:
+            if difference(modes, member, self.heated) > SHARE_OF_BASIS * self.tolerance:
                 return False
         return True
 
