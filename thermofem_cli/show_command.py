@@ -37,19 +37,19 @@ def show(
     """
     import surrogate
     import thermofem as th
-    from thermofem.data import files, quantity
+    from coupled.parameters import published_rings
+    from thermofem.data import files
     from thermofem.errors import InputError
 
     from .inputs.command_files import expect, kelvin_of, kind_of
+    from .results.family_card import family_lines, family_numbers
     from .results.heater_sheets import say_sheets
     from .results.model_card import draw_layout, model_card
     from .results.racetracks import say_racetrack_sheets
 
     kind = kind_of(file)
-    if kind == "ring":
+    if kind == "ring" or str(file) in published_rings():
         return _ring(file)
-    if kind == "family":
-        return _family(file)
     if kind == "geometry":
         section = th.CrossSection.from_toml(file)
         for line in filter(None, section.to_toml().splitlines()):
@@ -62,57 +62,46 @@ def show(
             heat = th.assemble(section)
             heat.lit  # noqa: B018 - the mode is solved for here
         return {"geometry": section.to_toml(), **say_sheets(heat)}
-    expect(file, "model")
+    expect(file, "model", "family")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
         raise InputError(
             f"{file} is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)"
         )
-    loaded = surrogate.load_model(file)
-    provenance = th.models.model_files.load_provenance(file)
-    numbers, lines = model_card(loaded, provenance)
-    if "half_times" in provenance:
-        for name, row in zip(loaded.outputs, provenance["half_times"], strict=True):
-            texts = ["above 10 s" if time is None else quantity.rounded(time, "s", 3) for time in row]
-            lines.append((f"half time of {name}", ", ".join(texts)))
-    if figure is not None:
-        draw_layout(loaded, provenance, figure)
-        numbers["figure"] = figure
+    if kind == "family":
+        family = surrogate.load_family(file)
+        numbers = family_numbers(family)
+        lines = family_lines(family)
+    else:
+        loaded = surrogate.load_model(file)
+        provenance = th.models.model_files.load_provenance(file)
+        numbers, lines = model_card(loaded, provenance)
+        if figure is not None:
+            draw_layout(loaded, provenance, figure)
+            numbers["figure"] = figure
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
-    unit = kelvin_of(numbers["assumed"])
+    unit = kelvin_of(numbers.get("assumed"))
     for name, text in [*lines, ("sha256", numbers["sha256"]), ("file", str(file))]:
         say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', unit, text)}")
     return numbers
 
 
-def _family(path: Path) -> dict[str, Any]:
-    """Print the card of a family."""
-    import surrogate
-    from thermofem.data import files
-
-    from .results.family_card import family_lines, family_numbers
-
-    family = surrogate.load_family(path)
-    digest = hashlib.sha256(files.read_bytes(path, "family")).hexdigest()
-    for label, text in [*family_lines(family), ("sha256", digest), ("file", str(path))]:
-        say(f"{label:>16} : {text}")
-    return {**family_numbers(family), "sha256": digest}
-
-
 def _ring(path: Path) -> dict[str, Any]:
-    """Print every number of a ring file with its unit: given, by default, and derived."""
+    """Print every number of a ring file, or of a published ring, with its unit: given, by default, and derived."""
     from scipy.constants import c
 
-    import coupled
     from coupled.ring_toml import RATES, UNITS
     from thermofem.data import files, quantity
 
-    ring = coupled.RingResonator.from_toml(path)
+    from .inputs.command_files import ring_of
+
+    ring = ring_of(str(path))
     numbers = {name: value for name, value in vars(ring).items() if name != "carriers"}
     numbers |= {"carriers": type(ring.carriers).__name__, **vars(ring.carriers)}
     numbers |= {name: getattr(ring, name) for name in DERIVED} | {"wavelength": c / ring.frequency}
     units = {**UNITS, **DERIVED, "wavelength": "m"}
     # comments beside the numbers of a ring file, as `thermofem ring` writes them
-    comments = re.findall(r"^(\w+) = [^#\n]*?\s+# (.+)$", files.read_text(path, "ring"), re.MULTILINE)
+    text = files.read_text(path, "ring") if path.is_file() else ""
+    comments = re.findall(r"^(\w+) = [^#\n]*?\s+# (.+)$", text, re.MULTILINE)
     origins = {name: comment.strip() for name, comment in comments}
     for name, value in numbers.items():
         unit = units.get(name, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -48,6 +49,13 @@ def test_a_command_imports_what_it_needs(tmp_path, arguments, absent):
 def test_the_help_names_the_published_rings():
     for name in coupled.parameters.published_rings():
         assert name in options.RING
+
+
+def test_show_takes_the_name_of_a_published_ring(tmp_path):
+    """The numbers of the ring that coupled.borghi2021() is, derived ones too; an absent file is still said to be one."""
+    done = thermofem("show", "borghi2021", "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["loaded_q"] == coupled.borghi2021().loaded_q
+    assert "does not exist" in thermofem("show", "borghi2022", cwd=tmp_path).stderr
 
 
 def test_solve_writes_what_the_library_computes(tmp_path):

@@ -107,6 +107,24 @@ def trace(seed, phase=1.4 * np.pi, noise=3e-3):
     return data, true, shift
 
 
+def test_two_traces_of_different_steps_behind_one_interferometer_give_both_poles():
+    """A slow record shows the slow pole and a fast one the fast pole; each alone leaves the other one open."""
+    true = th.Foster(R=[600.0, 900.0], tau=[0.15e-6, 4e-6])
+    mzi = th.MZI(bias=0.7, visibility=0.9, shift=0.3)
+    draw = np.random.default_rng(2)
+    traces = []
+    for width, count in ((20e-6, 81), (1e-6, 400)):  # steps of 0.5 us, longer than the fast pole, and of 5 ns
+        wave, times = th.Pulse(10e-3, width), np.linspace(0, 2 * width, count)
+        data = mzi(dataset.build(times, true.response(wave, times), wave))
+        data["optical"] = data.optical + 1e-3 * draw.standard_normal(count)
+        traces.append(data)
+    fit = surrogate.fit_foster(traces, 2, readout=th.MZI(shift=0.3))
+    for name, value in (("R_1", 600.0), ("R_2", 900.0), ("tau_1", 0.15e-6), ("tau_2", 4e-6)):
+        # four standard deviations, and these are small: 1e-3 of noise on 481 samples of a light that turns by 4 rad
+        assert abs(fit.parameters[name] - value) < 4 * fit.standard_errors[name]
+        assert fit.standard_errors[name] < 0.05 * value
+
+
 def test_fit_behind_an_interferometer_recovers_twenty_networks():
     """Pulls of 20 synthetic traces, 5 parameters each: their rms is 1 with a spread of 1/sqrt(200) = 7 %."""
     pulls = []

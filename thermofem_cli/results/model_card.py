@@ -38,7 +38,11 @@ def model_card(model: Any, provenance: dict[str, Any]) -> tuple[dict[str, Any], 
     numbers = _card_numbers(model, provenance)
     lines = [*_heat_lines(model, numbers), *_training_lines(numbers, provenance)]
     recorded = "recorded" if numbers["geometry"] else "not recorded"
-    return numbers, [*lines, ("trust it", numbers["trusted"]), ("geometry", recorded)]
+    lines += [("trust it", numbers["trusted"]), ("geometry", recorded)]
+    for name, row in zip(model.outputs, numbers.get("half_times", ()), strict=False):
+        texts = ["above 10 s" if time is None else quantity.rounded(time, "s", 3) for time in row]
+        lines.append((f"half time of {name}", ", ".join(texts)))
+    return numbers, lines
 
 
 def _card_numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
