@@ -15,9 +15,9 @@ from .console import note, say, working, written
 def design(
     context: typer.Context,
     file: options.Family,
-    resistance: str | None = None,
-    rise_time: str | None = None,
-    period: str | None = None,
+    resistance: options.Quantity = None,
+    rise_time: options.Quantity = None,
+    period: options.Quantity = None,
     fix: list[str] | None = None,
     ring: str = options.REFERENCE_RING,
     power: str = "8 dBm",
@@ -32,13 +32,12 @@ def design(
 
     Options
     -------
-    resistance: Thermal resistance, e.g. '9000 K/W'.
-    rise_time: 10 to 90 % after a step, e.g. '2 us'.
-    period: Settled period of self-pulsing, e.g. '900 ns'.
+    resistance: [K/W > 0] Thermal resistance, e.g. '9000 K/W'.
+    rise_time: [s > 0] 10 to 90 % after a step, e.g. '2 us'.
+    period: [s > 0] Settled period of self-pulsing, e.g. '900 ns'.
     """
     import surrogate
     from thermofem import InputError
-    from thermofem.data import quantity
 
     from .inputs.command_files import expect
     from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, units_of
@@ -54,11 +53,11 @@ def design(
         resonator, channel = ring_for(family, channel, ring, read)
         settled = settled_of(resonator, power, detuning)
         moving = optics_of(family, resonator)
-        target[settled] = quantity.positive(period, "s", name="--period")
+        target[settled] = period
     if resistance:
-        target["thermal_resistance"] = quantity.positive(resistance, "K/W", name="--resistance")
+        target["thermal_resistance"] = resistance
     if rise_time:
-        target["rise_time"] = quantity.positive(rise_time, "s", name="--rise-time")
+        target["rise_time"] = rise_time
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     fixed = fixed_of(family, fix)

@@ -17,7 +17,7 @@ def export(
     to: str | None = None,
     ring: Annotated[str | None, typer.Option(help=f"{options.RING}: write its light and carriers, too.")] = None,
     circuit: Path | None = None,
-    power: str | None = None,
+    power: options.Quantity = None,
     detuning: str = "0 GHz",
     fmi: int = 2,
     platforms: str = "",
@@ -29,7 +29,7 @@ def export(
     -------
     to: Format, such as spice or fmu; a wrong one gets the list.
     circuit: Circuit file (TOML) in place of --ring, for spice.
-    power: Also write a run from cold with this power in the bus.
+    power: [W >= 0] Also write a run from cold with this power in the bus.
     fmi: Version of FMI for fmu: 2 or 3.
     platforms: Libraries in a unit: 'linux, windows, macos, macos-arm, linux-arm'; default: this platform.
     """
@@ -39,7 +39,6 @@ def export(
     from coupled.export import export_ring as rings
     from surrogate.export import FORMATS
     from thermofem import InputError, checks
-    from thermofem.data import quantity
     from thermofem.export.export_header import is_export
 
     from .inputs.command_files import expect, ring_of
@@ -58,7 +57,7 @@ def export(
     shared["platforms"] = list(filter(None, options.listed(platforms)))
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
     demo = None
-    if power and (ring or circuit):
+    if power is not None and (ring or circuit):
         demonstration = rings.FORMATS[checks.choice("--to of a ring", to, rings.FORMATS)].demonstration
         demo = target.with_name(f"{target.stem}_demo{demonstration}")
     options.check_outputs([target, demo], inputs=[model, ring, circuit])
@@ -68,18 +67,17 @@ def export(
     period: float | None = None
     if light is None:
         if power is not None:
-            raise InputError(f"--power {power} is that of a ring's laser; give --ring or --circuit, too")
+            raise InputError(f"--power {power:g} W is that of a ring's laser; give --ring or --circuit, too")
         surrogate.export_model(loaded, target, **shared)
     elif power is None:
         coupled.export_ring(light, loaded, target, **shared)
     else:
-        watts = quantity.not_negative(power, "W", name="--power")
         resonators = light.resonators if isinstance(light, coupled.Circuit) else (light,)
         hertz = detuning_of(detuning, resonators[0])  # of a circuit pm are those of the first ring
         if isinstance(light, coupled.RingResonator):
             with working("settled period"):
-                period = _period(light, loaded, watts, hertz)
-        coupled.export_ring(light, loaded, target, power=watts, detuning=hertz, period=period, **shared)
+                period = _period(light, loaded, power, hertz)
+        coupled.export_ring(light, loaded, target, power=power, detuning=hertz, period=period, **shared)
     return {"file": target, "demo": demo, "to": to, "period": period}
 
 

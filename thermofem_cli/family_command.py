@@ -18,7 +18,7 @@ def family(
     folder: Path | None = None,
     workers: options.Processes = 1,
     scheduler: str | None = None,
-    power: str | None = None,
+    power: options.Quantity = None,
     seed: options.Seed = 0,
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign.
@@ -27,20 +27,18 @@ def family(
     -------
     tolerance: Wanted relative error of R_th and of every step.
     folder: Keeps solved members; started again, training goes on from it.
-    power: Largest absorbed power, e.g. '2 mW'; for conductivities k(T).
+    power: [W] Largest absorbed power, e.g. '2 mW'; for conductivities k(T).
     """
     import surrogate
     import thermofem as th
-    from thermofem.data import quantity
 
     from .inputs.command_files import expect
     from .results.family_card import family_lines, family_numbers
     from .results.heat_lines import note_cut
 
     expect(file, "campaign")
-    hot = None if power is None else quantity.parse(power, "W", name="--power")
     with options.executor_of(context, scheduler, workers) as executor, bar("training") as progress:
-        training: dict[str, Any] = {"seed": seed, "executor": executor, "folder": folder, "power": hot}
+        training: dict[str, Any] = {"seed": seed, "executor": executor, "folder": folder, "power": power}
         trained = surrogate.train_family(file, tolerance, **training, progress=progress)
     trained.save(output)
     for label, text in family_lines(trained):

@@ -40,7 +40,7 @@ def fit(
     heated: str | None = None,
     read: str | None = None,
     readout: str | None = None,
-    phase: str | None = None,
+    phase: options.Quantity = None,
     figure: Path | None = None,
     output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
@@ -65,12 +65,12 @@ def fit(
     heated: Part that was heated.
     read: Part that was read; picks one of several, and says of a table what it shows.
     readout: mzi: the trace is light behind an interferometer; gives bias and visibility.
-    phase: Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; without it R is in rad/W.
+    phase: [rad/K] Phase per kelvin of the interferometer, e.g. '0.05 rad/K'; without it R is in rad/W.
     """
     import surrogate
     import thermofem as th
     from thermofem import checks
-    from thermofem.data import files, quantity
+    from thermofem.data import files
 
     from .inputs.command_files import about, kelvin_of
     from .inputs.training_files import read_channel, training_of
@@ -82,7 +82,7 @@ def fit(
     else:
         checks.choice("--readout", readout, ("mzi",))
         options.unused(context, "shows temperatures; with --readout there are none in the data", "figure")
-        mzi = th.MZI(shift=1.0 if phase is None else quantity.parse(phase, "rad/K", name="--phase"))
+        mzi = th.MZI(shift=1.0 if phase is None else phase)
         options.unused(context, "is of temperatures; with --readout the trace is light", "baseline", "sensitivity")
         kind = "foster"
     if kind != "foster":

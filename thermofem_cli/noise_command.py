@@ -18,7 +18,7 @@ def noise(
     geometry: options.Geometry = None,
     wavelength: str | None = None,
     mode: str | None = None,
-    temperature: str | None = None,
+    temperature: options.Quantity = None,
     frequency: str = "100 Hz, 100 MHz",
     accuracy: float = 1e-3,
     figure: Path | None = None,
@@ -31,7 +31,7 @@ def noise(
     Options
     -------
     mode: Guided mode; default: that of [light], or TE0.
-    temperature: Absolute temperature, e.g. '300 K'; default: the ambient of the geometry.
+    temperature: [K] Absolute temperature, e.g. '300 K'; default: the ambient of the geometry.
     frequency: First and last frequency.
     """
     import numpy as np
@@ -43,7 +43,6 @@ def noise(
     from .inputs.drive_texts import RANGE, reading, wavelength_of
 
     section = section_of(geometry)
-    kelvin = None if temperature is None else quantity.parse(temperature, "K", name="--temperature")
     with reading(f"--frequency = {frequency!r}", f"{RANGE} '100 Hz, 100 MHz'"):
         low, high = sorted(quantity.positive(part.strip(), "Hz", name="--frequency") for part in frequency.split(","))
     # 181: frequencies of the plot
@@ -54,7 +53,7 @@ def noise(
         lit = heat.with_light(found)
     with working(f"noise of {heat.unknowns} temperatures"):
         every = np.unique([0.0, *PRINTED, *shown])
-        data = th.thermal_noise(lit, every, temperature=kelvin)
+        data = th.thermal_noise(lit, every, temperature=temperature)
     lit.domain_error(read="light", what="the noise at low frequencies")
     spectrum = data.sel(frequency=shown)
     numbers = _said(data, found)

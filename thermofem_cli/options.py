@@ -19,6 +19,7 @@ from . import console
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+Quantity = Any  # text with a unit on the command line, a number in SI in the command: its help begins with the unit
 Seed = Annotated[int, typer.Option(min=0, help="Seed of what is drawn at random.")]
 JSON = "Print results as JSON on standard output and messages on standard error."
 THREADS = "Threads to use; default: one for each CPU."
@@ -59,7 +60,7 @@ HELP = {
     "power": "Power in the bus waveguide.",
     "detuning": "Laser minus cold resonance: '-10 GHz', or in wavelength '80 pm' (to the red).",
     "points": "Number of powers and of detunings.",
-    "duration": "Length of the run, from a cold start.",
+    "duration": "[s > 0] Length of the run, from a cold start.",
     "rtol": "Relative error of the integration.",
     "wavelength": "Vacuum wavelength; a ring has the resonance next to it. Default: that of [light], or 1550 nm.",
     "held": "Standard deviation of a number that is held, as a share of it: 'fca_cross_section=5 %'. Repeatable.",
@@ -98,7 +99,12 @@ def unused(context: typer.Context, why: str, *names: str) -> None:
             value = context.params[name]
             values = [value] if not isinstance(value, list | tuple) else value
             said = "" if value is True else " " + ", ".join(map(str, values))
-            raise InputError(f"--{name.strip('_').replace('_', '-')}{said} {why}; leave it out")
+            raise InputError(f"{_flag(name)}{said} {why}; leave it out")
+
+
+def _flag(name: str) -> str:
+    """The option of a parameter of a command."""
+    return f"--{name.strip('_').replace('_', '-')}"
 
 
 WRITTEN = "output", "figure", "preview", "paraview", "csv", "map_", "resume"  # options of files that a command writes
@@ -141,18 +147,25 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return the command with the options of all commands (`EVERYWHERE`: --json, --quiet, --verbose, --threads) added.
 
     They set up the console; ``command`` itself gets only those of them that are among its own arguments. The section
-    `OPTIONS` of its docstring is the help of its own options. Its files are checked before it runs, and those that it
+    `OPTIONS` of its docstring is the help of its own options; one that begins with a unit, as "[s > 0]", makes a number
+    of the text, in SI. Its files are checked before it runs, and those that it
     returns are named after it.
     """
     arguments = dict(inspect.signature(command, eval_str=True).parameters)
     text, _, section = (inspect.getdoc(command) or "").partition(OPTIONS)
     words = HELP | dict(re.findall(r"^(\w+): (.+(?:\n .+)*)", section, re.MULTILINE))
+    quantities = {}
     for name, parameter in arguments.items():
         if get_origin(parameter.annotation) is Annotated or parameter.annotation is typer.Context:
             continue
-        flag = f"--{name.strip('_').replace('_', '-')}"
-        kind: Any = Annotated[parameter.annotation, typer.Option(flag, help=" ".join(words[name].split()))]
-        arguments[name] = parameter.replace(annotation=kind)
+        kind = parameter.annotation
+        said = " ".join(words[name].split())
+        if begin := re.match(r"\[(\S+?)( >=? 0)?\] ", said):
+            quantities[name] = begin.groups()
+            kind = str | None
+            said = said[begin.end() :]
+        option: Any = Annotated[kind, typer.Option(_flag(name), help=said)]
+        arguments[name] = parameter.replace(annotation=option)
     common = {
         name: inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
         for name, (kind, default) in EVERYWHERE.items()
@@ -161,11 +174,16 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def run(json: bool, quiet: bool, verbose: bool, threads: int | None, **values: Any) -> Any:
+        from thermofem.data import quantity
         from thermofem.models import OutsideTrainingWarning
 
         warnings.simplefilter("default", OutsideTrainingWarning)  # `main` ignores the others
         console.configure(json=json, quiet=quiet, verbose=verbose, threads=threads)
         check_files(values)
+        rules = {None: quantity.parse, " > 0": quantity.positive, " >= 0": quantity.not_negative}
+        for name, (unit, rule) in quantities.items():
+            if values[name] is not None:
+                values[name] = rules[rule](values[name], unit, name=_flag(name))
         numbers = command(**{name: value for name, value in values.items() if name in arguments})
         console.wrote(numbers)
         return numbers

@@ -62,7 +62,6 @@ def show(
             heat = th.assemble(section)
             heat.lit  # noqa: B018 - the mode is solved for here
         return {"geometry": section.to_toml(), **say_sheets(heat)}
-    expect(file, "model", "family")
     if kind is None and file.is_file() and file.suffix.lower() != ".json":
         raise InputError(
             f"{file} is nothing that show knows: a thermal model (JSON), a family, or a ring or geometry (TOML)"
@@ -72,6 +71,7 @@ def show(
         numbers = family_numbers(family)
         lines = family_lines(family)
     else:
+        expect(file, "model")
         loaded = surrogate.load_model(file)
         provenance = th.models.model_files.load_provenance(file)
         numbers, lines = model_card(loaded, provenance)

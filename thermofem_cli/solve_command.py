@@ -20,7 +20,7 @@ def solve(
     square: str | None = None,
     duty: float | None = None,
     periodic: bool = False,
-    duration: str = "40 us",
+    duration: options.Quantity = "40 us",
     samples: Annotated[int, typer.Option(min=2, max=1_000_000, help="Number of times in the result.")] = 801,
     heated: str | None = None,
     read: list[str] | None = None,
@@ -42,7 +42,7 @@ def solve(
     -------
     power: Absorbed power.
     periodic: One period of the periodic state, not a start from rest.
-    duration: Length of the transient.
+    duration: [s > 0] Length of the transient.
     heated: Part that carries the power, or several that share it: 'inner, outer'; default: the first.
     read: Part or layer to read; may be repeated.
     preview: Draw cross-section and mesh into this image.
@@ -51,7 +51,6 @@ def solve(
     import numpy as np
 
     import thermofem as th
-    from thermofem.data import quantity
 
     from .inputs.command_files import section_of
     from .inputs.drive_texts import heating, times_of
@@ -75,8 +74,7 @@ def solve(
     section = section_of(geometry)
     wave = heating(context, power, pulse, square, duty)
     files = [output, figure, preview, paraview]
-    length = quantity.positive(duration, "s", name="--duration")
-    step = None if pulse or square else float(wave.mean(0.0, length))
+    step = None if pulse or square else float(wave.mean(0.0, duration))
     parts = options.listed(heated)
     outputs = [name for text in read or () for name in options.listed(text)]
     if section.straight:
@@ -84,7 +82,7 @@ def solve(
 
         why = "has no effect on a racetrack, which has no mesh of its own"
         options.unused(context, why, "accuracy", "mesh", "rtol", "preview", "field_times", "paraview")
-        asked = samples if periodic else np.linspace(0, length, samples)
+        asked = samples if periodic else np.linspace(0, duration, samples)
         data, steady = solved_racetrack(section, wave, asked, parts, outputs)
         th.save(data, output)
         if figure:
@@ -94,7 +92,7 @@ def solve(
         return {**numbers, "wrote": [path for path in (output, figure) if path]}
     instants = times_of(field_times)
     if paraview and not instants:
-        instants = tuple(k * length / FRAMES for k in range(1, FRAMES + 1))
+        instants = tuple(k * duration / FRAMES for k in range(1, FRAMES + 1))
     if paraview:
         th.fields.field_file(paraview, len(instants))
 
@@ -116,8 +114,8 @@ def solve(
         with working(what):
             data = th.solve_periodic(heat, wave, samples, **settings)
     else:
-        times = np.linspace(0, length, samples)
-        with time_bar(what, length) as progress:
+        times = np.linspace(0, duration, samples)
+        with time_bar(what, duration) as progress:
             data = th.solve(heat, wave, times, field_times=instants, progress=progress, **settings)
     with working("writing"):
         th.save(data, output)

@@ -12,10 +12,10 @@ def validate(
     context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(metavar="GEOMETRY.toml | MODELS.json...", help="What to judge.")],
     reference: Path | None = None,
-    power: str = "2 mW",
+    power: options.Quantity = "2 mW",
     duty: float = 1 / 3,
-    shortest: str = "0.1 us",
-    longest: str = "10 us",
+    shortest: options.Quantity = "0.1 us",
+    longest: options.Quantity = "10 us",
     accuracy: float = 1e-3,
     heated: str | None = None,
     read: str | None = None,
@@ -32,17 +32,16 @@ def validate(
     Options
     -------
     reference: What models are judged by: a model (JSON).
-    power: Power of the square wave.
+    power: [W > 0] Power of the square wave.
     duty: Its duty cycle.
-    shortest: Shortest period.
-    longest: Longest period.
+    shortest: [s > 0] Shortest period.
+    longest: [s > 0] Longest period.
     """
     import numpy as np
     import xarray as xr
 
     import thermofem as th
     from thermofem import InputError, checks
-    from thermofem.data import quantity
     from thermofem.data.files import IMAGES
 
     from .inputs.command_files import ring_of
@@ -56,14 +55,8 @@ def validate(
         with_points,
     )
 
-    low = quantity.positive(shortest, "s", name="--shortest")
-    high = quantity.positive(longest, "s", name="--longest")
-    checks.ordered("--shortest", low, "--longest", high, unit="s")
-    wave = {
-        "periods": np.geomspace(low, high, 41),
-        "power": quantity.positive(power, "W", name="--power"),
-        "duty": duty,
-    }
+    checks.ordered("--shortest", shortest, "--longest", longest, unit="s")
+    wave = {"periods": np.geomspace(shortest, longest, 41), "power": power, "duty": duty}
     image = output is not None and output.suffix.lower() in IMAGES
     figures = [path for path in (figure, output if image else None) if path]
     curves = None if image else output

@@ -52,7 +52,7 @@ def test_the_help_names_the_published_rings():
 
 
 def test_show_takes_the_name_of_a_published_ring(tmp_path):
-    """The numbers of the ring that coupled.borghi2021() is, derived ones too; an absent file is still said to be one."""
+    """The numbers of the ring that coupled.borghi2021() is, derived ones too; an absent file is called so."""
     done = thermofem("show", "borghi2021", "--json", cwd=tmp_path)
     assert json.loads(done.stdout)["loaded_q"] == coupled.borghi2021().loaded_q
     assert "does not exist" in thermofem("show", "borghi2022", cwd=tmp_path).stderr

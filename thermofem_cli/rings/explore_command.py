@@ -18,7 +18,7 @@ def explore(
         ),
     ] = None,
     ring: str = options.REFERENCE_RING,
-    power: str | None = None,
+    power: options.Quantity = None,
     detuning: str = "0 GHz",
     heated: str | None = None,
     read: str | None = None,
@@ -33,13 +33,12 @@ def explore(
 
     Options
     -------
-    power: Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.
+    power: [W] Power in the bus waveguide; default: 8 dBm, or the end of the plane next to it.
     """
     import coupled
     import surrogate
     from coupled.explore import Page
     from thermofem import InputError
-    from thermofem.data import quantity
 
     from ..inputs.command_files import kind_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
@@ -51,7 +50,7 @@ def explore(
         raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
     resonator = ring_of(ring)
     settings: dict[str, Any] = {
-        "power": None if power is None else quantity.parse(power, "W", name="--power"),
+        "power": power,
         "detuning": detuning_of(detuning, resonator),
         "heaters": steady_heaters(heater),
         "heated": heated,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def linearize(
     model: options.Model,
-    power: str = "1 mW",
+    power: options.Quantity = "1 mW",
     detuning: str = "0 GHz",
     ring: str = options.REFERENCE_RING,
     heated: str | None = None,
@@ -38,26 +38,25 @@ def linearize(
 
     Options
     -------
+    power: [W > 0] Power in the bus waveguide.
     branch: Number of the steady state, by energy, where there are several.
     """
     import numpy as np
 
     import coupled
     from thermofem import checks
-    from thermofem.data import quantity
 
     from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.heater_drives import steady_heaters
     from ..inputs.light_drives import detuning_of
 
     resonator = ring_of(ring)
-    watts = quantity.positive(power, "W", name="--power")
     hertz = detuning_of(detuning, resonator)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, heated, read, powers)
     with working("linearizing"):
         linear = coupled.linearize(
-            resonator, thermal, power=watts, detuning=hertz, heaters=powers, branch=branch, **parts
+            resonator, thermal, power=power, detuning=hertz, heaters=powers, branch=branch, **parts
         )
     given = checks.choice("--input", given, linear.inputs)
     size = np.abs(linear.eigenvalues)

@@ -19,7 +19,7 @@ def map_(
     power: str = options.PAPER_PLANE.power,
     detuning: str = options.PAPER_PLANE.detuning,
     points: str = "20, 20",
-    duration: str | None = None,
+    duration: options.Quantity = None,
     follow: str | None = None,
     resume: Path | None = None,
     scheduler: str | None = None,
@@ -30,7 +30,7 @@ def map_(
 
     Options
     -------
-    duration: Length of a run from a cold ring; without it, settled cycles.
+    duration: [s] Length of a run from a cold ring; without it, settled cycles.
     follow: up or down: step the laser through the detunings, without resetting the ring.
     resume: File that fills up; started again, the map goes on from it.
     power: First and last power in the bus waveguide.
@@ -48,8 +48,7 @@ def map_(
     over = grid(resonator, power, detuning, points)
     powers = steady_heaters(heater)
     thermal, parts = model_of(model, heated, read, powers)
-    length = None if duration is None else quantity.parse(duration, "s", name="--duration")
-    settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
+    settings: dict[str, Any] = {"duration": duration, "follow": follow, "file": resume, "show_bar": watched(), **parts}
     with options.executor_of(context, scheduler) as executor:
         found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
     note_ring(resonator, ring)

@@ -121,10 +121,10 @@ def _leak(mode: th.optics.Mode) -> str:
 def ring(
     geometry: options.Geometry = None,
     wavelength: str | None = None,
-    loss: str | None = None,
-    gap: str | None = None,
+    loss: options.Quantity = None,
+    gap: options.Quantity = None,
     coupling: float | None = None,
-    straight: str = "0 um",
+    straight: options.Quantity = "0 um",
     buses: Annotated[
         int | None, typer.Option(min=1, max=2, help="Number of buses; default: 2, or that of [[bus]] tables.")
     ] = None,
@@ -137,10 +137,10 @@ def ring(
 
     Options
     -------
-    loss: Power loss of the guide, which heats; default: that of [light], or 2 dB/cm.
-    gap: Gap to each bus, e.g. '250 nm'; default: the [[bus]] tables of the geometry.
+    loss: [1/m] Power loss of the guide, which heats; default: that of [light], or 2 dB/cm.
+    gap: [m] Gap to each bus, e.g. '250 nm'; default: the [[bus]] tables of the geometry.
     coupling: Power that a bus takes in one pass, instead of --gap.
-    straight: Length of each of two straight sections.
+    straight: [m] Length of each of two straight sections.
     mode: Guided mode, such as TM0; default: that of [light], or TE0.
     """
     from scipy.constants import c
@@ -156,15 +156,15 @@ def ring(
 
     section = section_of(geometry)
     if loss is None and (section.light is None or section.light.loss is None):
-        loss = "2 dB/cm"
+        loss = 20 * math.log(10)  # 2 dB/cm
     with working("solving"):
         computed = coupled.ring_from(
             section,
             wavelength=wavelength_of(section, wavelength),
-            loss=None if loss is None else quantity.parse(loss, "1/m", name="--loss"),
-            gap=None if gap is None else quantity.parse(gap, "m", name="--gap"),
+            loss=loss,
+            gap=gap,
             coupling=coupling,
-            straight=quantity.parse(straight, "m", name="--straight"),
+            straight=straight,
             buses=buses,
             mode=mode,
         )

@@ -22,7 +22,7 @@ def simulate(
     model: options.Model,
     power: str = "8 dBm",
     detuning: str = "0 GHz",
-    duration: str = "20 us",
+    duration: options.Quantity = "20 us",
     rtol: float = 1e-6,
     ring: str = options.REFERENCE_RING,
     heated: str | None = None,
@@ -47,7 +47,6 @@ def simulate(
     """
     import coupled
     import thermofem as th
-    from thermofem.data import quantity
 
     from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.drive_texts import amount_of, reading
@@ -58,16 +57,15 @@ def simulate(
         unit, _ = amount_of("--sweep", sweep.split(",")[0], *LASER_INPUTS)
         swept = LASER_INPUTS[unit]
         options.unused(context, f"has no effect with a --sweep of the {swept}", swept)
-    length = quantity.positive(duration, "s", name="--duration")
-    powers = heater_powers(heater, length)
+    powers = heater_powers(heater, duration)
     thermal, parts = model_of(model, heated, read, powers)
     resonator = ring_of(ring)
-    driven = light(resonator, power, detuning, sweep, modulate, length)
-    others = lasers(laser, resonator, length)
-    settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **driven}
-    with time_bar("integrating", length) as progress:
+    driven = light(resonator, power, detuning, sweep, modulate, duration)
+    others = lasers(laser, resonator, duration)
+    settings: dict[str, Any] = {"duration": duration, "heaters": powers, "lasers": others, **parts, **driven}
+    with time_bar("integrating", duration) as progress:
         run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
-    with working("judging and writing the run"), reading(f"--duration = {duration}"):
+    with working("judging and writing the run"), reading(f"--duration = {context.params['duration']}"):
         found = coupled.pulsing(run)
         th.save(run, output)
     if figure:
@@ -109,10 +107,11 @@ def say_pulsing(found: Pulsing, run: xr.Dataset) -> dict[str, Any]:
 
 
 def cosimulate(
+    context: typer.Context,
     geometry: options.Geometry = None,
-    power: str = "8 dBm",
+    power: options.Quantity = "8 dBm",
     detuning: str = "0 GHz",
-    duration: str = "20 us",
+    duration: options.Quantity = "20 us",
     ring: str = options.REFERENCE_RING,
     heater: list[str] | None = None,
     predictor: Annotated[
@@ -130,6 +129,7 @@ def cosimulate(
 
     Options
     -------
+    power: [W >= 0] Power in the bus waveguide.
     max_discrepancy: Discrepancy left between light and FEM.
     heater: Power, voltage or current of another part (heater where it has no name): 'heater=5 mW', '1.2 V',
         'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'.
@@ -145,12 +145,11 @@ def cosimulate(
     from ..inputs.light_drives import detuning_of
 
     resonator = ring_of(ring)
-    length = quantity.positive(duration, "s", name="--duration")
     settings: dict[str, Any] = {
-        "power": quantity.not_negative(power, "W", name="--power"),
+        "power": power,
         "detuning": detuning_of(detuning, resonator),
         "max_discrepancy": quantity.positive_rise(max_discrepancy, name="--max-discrepancy"),
-        "heaters": heater_powers(heater, length),
+        "heaters": heater_powers(heater, duration),
         "field_times": times_of(field_times),
         "predictor": _predictor(predictor),
     }
@@ -163,9 +162,9 @@ def cosimulate(
         checks.choice("--heater", name, section.heated)
     with working("meshing and assembling"):
         heat = th.assemble(section, accuracy)
-    with time_bar(f"{heat.unknowns} temperatures in the loop", length) as progress:
-        run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
-    with working("judging and writing the run"), reading(f"--duration = {duration}"):
+    with time_bar(f"{heat.unknowns} temperatures in the loop", duration) as progress:
+        run = coupled.cosimulate(resonator, heat, duration=duration, rtol=rtol, progress=progress, **settings)
+    with working("judging and writing the run"), reading(f"--duration = {context.params['duration']}"):
         found = coupled.pulsing(run)
         th.save(run, output)
     if paraview:
