@@ -33,8 +33,8 @@ def family(
     import thermofem as th
 
     from .inputs.command_files import expect
-    from .results.family_card import family_lines, family_numbers
     from .results.heat_lines import note_cut
+    from .results.model_card import family_lines, family_numbers
 
     expect(file, "campaign")
     with options.executor_of(context, scheduler, workers) as executor, bar("training") as progress:

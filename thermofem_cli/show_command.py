@@ -42,9 +42,8 @@ def show(
     from thermofem.errors import InputError
 
     from .inputs.command_files import expect, kelvin_of, kind_of
-    from .results.family_card import family_lines, family_numbers
     from .results.heater_sheets import say_sheets
-    from .results.model_card import draw_layout, model_card
+    from .results.model_card import draw_layout, family_lines, family_numbers, model_card
     from .results.racetracks import say_racetrack_sheets
 
     kind = kind_of(file)

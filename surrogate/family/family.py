@@ -16,7 +16,6 @@ from scipy.linalg import eigh
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data import quantity
 from thermofem.fem.heat_derivatives import ModalDerivative, dataset_of, step_times
 from thermofem.geometry.section_parts import LIGHT, MODE, WAVELENGTH
 from thermofem.models.contract import OutsideTrainingWarning
@@ -96,9 +95,7 @@ class Family:
             checks.between(name, getattr(self, name), 0, checks.LARGEST_NUMBER)
 
     def __repr__(self) -> str:
-        ranges = []
-        for (name, (low, high)), unit in zip(self.ranges.items(), self.box.units, strict=True):
-            ranges.append(f"{name} {quantity.rounded(low, unit, 6)} .. {quantity.rounded(high, unit, 6)}")
+        ranges = [f"{name} {words}" for name, words in self.box.range_words.items()]
         functions = f"{self.size} functions, engine {self.engine!r}"
         return f"Family({', '.join(ranges)}; {functions}, {self.error!r})"
 

@@ -65,6 +65,14 @@ class Box:
         return ", ".join(f"{name} = {quantity.rounded(value, unit, 6)}" for name, value, unit in triples)
 
     @property
+    def range_words(self) -> dict[str, str]:
+        """Text "low .. high" of each range by the name of its parameter, with units."""
+        words = {}
+        for name, unit, *ends in zip(self.names, self.units, self.low, self.high, strict=True):
+            words[name] = " .. ".join(quantity.rounded(end, unit, 6) for end in ends)
+        return words
+
+    @property
     def size(self) -> int:
         """Number of parameters."""
         return len(self.names)

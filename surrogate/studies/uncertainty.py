@@ -11,7 +11,6 @@ from scipy.stats import qmc
 
 from thermofem import checks
 from thermofem.arrays import Array
-from thermofem.data import quantity as quantities
 
 from ..family import Family
 from ..family.interpolation import TAIL_PROBABILITY, interpolate_members
@@ -187,12 +186,11 @@ class _Study:
 
     def _check_shares(self, outside: Array) -> None:
         """Raise InputError where more than a few samples leave the box; ``outside``: their share, shape (p,)."""
-        box = self.of_member.family.box
+        words = self.of_member.family.box.range_words
         for k, name in enumerate(self.distributions):
             # 1e-3: share of the samples that may leave the box; they are held at its edge
             if outside[k] > 1e-3:
-                unit = box.units[box.names.index(name)]
-                ends = " to ".join(quantities.rounded(end[k], unit, 6) for end in self.box)
+                ends = words[name].replace("..", "to")
                 raise checks.InputError(
                     f"{name}: {outside[k]:.1%} of the samples lie outside the family's {ends}; "
                     "train one that reaches four standard deviations beyond the mean"

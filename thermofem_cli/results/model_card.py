@@ -1,4 +1,4 @@
-"""The card of a model: kind, R_th, rise times, poles, error bound, training."""
+"""The cards of a model (kind, R_th, rise times, poles, error bound, training) and of a family (ranges, errors)."""
 
 import math
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from surrogate.family import Family
 from surrogate.studies.inverse_search import channel_steps
 from thermofem.checks import between
 from thermofem.data import quantity
@@ -155,3 +156,45 @@ def _trusted(numbers: dict[str, Any]) -> str:
     if numbers["residual"] is not None:
         words.append("on drives like those of its training; `thermofem validate` tells the periods")
     return "; ".join(words) or "not recorded; `thermofem validate` tells the periods"
+
+
+def family_numbers(family: Family) -> dict[str, Any]:
+    """Return what a family states, in SI."""
+    optics = family.optics
+    maps = family.output_maps
+    error = family.error
+    return {
+        "kind": "Family",
+        "heated": list(family.inputs),
+        "read": list(family.outputs),
+        "ranges": {name: list(ends) for name, ends in family.ranges.items()},
+        "tolerance": family.tolerance,
+        "error": {"worst": error.worst, "median": error.median, "count": error.count},
+        "functions": family.size,
+        "engine": family.engine,
+        "largest_power": None if maps is None else maps.power,
+        "error_hot": None if maps is None else maps.error,
+        "error_optics": None if optics is None else optics.error,
+    }
+
+
+def family_lines(family: Family) -> list[tuple[str, str]]:
+    """Return the lines of the card: a label and a text each."""
+    kind = f"family of rings, {family.size} functions ({family.engine})"
+    heated = ", ".join(family.inputs)
+    read = ", ".join(family.outputs)
+    lines = [("kind", kind), ("heated", f"{heated}; read: {read}")]
+    return [*lines, *family.box.range_words.items(), *_errors(family)]
+
+
+def _errors(family: Family) -> list[tuple[str, str]]:
+    """Lines on the errors of heat and, where the family has them, of the output maps of k(T) and of optical numbers."""
+    worst = f"worst {family.error.worst:.1e}, median {family.error.median:.1e}"
+    lines = [("error", f"over {family.error.count} rings not seen: {worst}; {family.tolerance:.1e} was asked for")]
+    maps = family.output_maps
+    optics = family.optics
+    if maps is not None:
+        lines.append(("k(T)", f"up to {quantity.write(maps.power, 'W')}: error {maps.error:.1e}"))
+    if optics is not None:
+        lines.append(("light", f"of {optics.solved} rings; error over rings left out: {optics.words()}"))
+    return lines
