@@ -76,26 +76,20 @@ def content_hash(geometry: CrossSection, accuracy: float) -> str:
 
 
 def gmsh_problem() -> str | None:
-    """None where gmsh can be loaded; otherwise one line with what is missing and how to install it."""
+    """None where gmsh and pygmsh can be loaded; otherwise one line with what is missing and how to install it."""
     try:
-        importlib.import_module("gmsh")
+        for module in ("gmsh", "pygmsh"):
+            importlib.import_module(module)
     except (ImportError, OSError) as error:
         brings = f"Debian: {DEBIAN}"
         if isinstance(error, ModuleNotFoundError):
-            brings = "pip install gmsh"
+            brings = f"pip install {error.name}"
         remedy = "the committed meshes of the reference cross-sections work without it"
         return f"gmsh cannot be loaded: {error} ({brings}); {remedy}"
     return None
 
 
-OPTIONS = {
-    "General.Terminal": 0,
-    "General.NumThreads": 1,
-    "Mesh.LcIntegrationPrecision": 1e-2,
-    "Mesh.MeshSizeExtendFromBoundary": 0,  # sizes are those of the callback alone
-    "Mesh.MeshSizeFromPoints": 0,
-    "Mesh.MeshSizeFromCurvature": 0,
-}
+OPTIONS = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-2}
 MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
 
 _GMSH = threading.Lock()  # gmsh has one global state
@@ -128,13 +122,14 @@ def make_faces(
     if problem:
         raise MissingLibraryError(problem)
     import gmsh
+    import pygmsh
 
     with _GMSH, _pipe_signal():
         ours = not gmsh.isInitialized()
-        if ours:  # interruptible: it would install a signal handler, which only the main thread may do
+        if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
             gmsh.initialize(readConfigFiles=False, interruptible=False)
         try:
-            points, triangles, region, names = _triangulate(gmsh, faces, size)
+            points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
         except Exception as error:  # gmsh raises plain Exception
             raise InputError(f"gmsh cannot mesh {name!r}: {error}") from None
         finally:
@@ -144,26 +139,26 @@ def make_faces(
 
 
 def _triangulate(
-    gmsh: Any, faces: Sequence[Face], size: Callable[[float, float], float]
+    gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
     """Points (m), triangles, region and region names of the faces, sharing points and lines."""
     before = gmsh.model.getCurrent()  # the caller's, where gmsh was running already
     gmsh.model.add("thermofem")
     try:
-        surfaces = _surfaces(gmsh.model.geo, faces)
+        surfaces = _surfaces(builder, faces)
 
         def in_microns(dim: int, tag: int, r: float, z: float, _: float, __: float) -> float:
             return size(r * MICRON, z * MICRON) / MICRON
 
-        gmsh.model.mesh.setSizeCallback(in_microns)
+        builder.set_mesh_size_callback(in_microns)
         for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
-        gmsh.model.geo.synchronize()
+        builder.synchronize()
         gmsh.model.mesh.generate(2)
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         cells = []
         for surface in surfaces:
-            _, nodes = gmsh.model.mesh.getElementsByType(2, surface)
+            _, nodes = gmsh.model.mesh.getElementsByType(2, surface.dim_tag[1])
             cells.append(nodes.reshape(-1, 3))
     finally:
         gmsh.model.mesh.removeSizeCallback()
@@ -179,28 +174,32 @@ def _triangulate(
     return points, triangles.reshape(-1, 3).astype(np.int64), region.astype(np.int64), names
 
 
-def _surfaces(geo: Any, faces: Sequence[Face]) -> list[int]:
-    """Number of a gmsh surface for every face; neighbours share their points and lines."""
-    points: dict[tuple[float, float], int] = {}
-    lines: dict[tuple[Any, Any], int] = {}
+def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
+    """A pygmsh surface for every face; neighbours share their points and lines."""
+    points: dict[tuple[float, float], Any] = {}
+    lines: dict[tuple[Any, Any], Any] = {}
 
-    def line(start: tuple[float, float], stop: tuple[float, float]) -> int:
+    def line(start: tuple[float, float], stop: tuple[float, float]) -> Any:
         for corner in (start, stop):
             if corner not in points:
                 r, z = corner
-                points[corner] = geo.addPoint(r / MICRON, z / MICRON, 0.0)
+                points[corner] = builder.add_point([r / MICRON, z / MICRON, 0.0])
         if (stop, start) in lines:
             return -lines[stop, start]
         if (start, stop) not in lines:
-            lines[start, stop] = geo.addLine(points[start], points[stop])
+            lines[start, stop] = builder.add_line(points[start], points[stop])
         return lines[start, stop]
 
-    def loop(ring: Array) -> int:
+    def loop(ring: Array) -> Any:
         corners = [(float(r), float(z)) for r, z in ring]
         following = corners[1:] + corners[:1]
-        return int(geo.addCurveLoop([line(a, b) for a, b in zip(corners, following, strict=True)]))
+        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, following, strict=True)])
 
-    return [geo.addPlaneSurface([loop(ring) for ring in face.rings]) for face in faces]
+    surfaces = []
+    for face in faces:
+        loops = [loop(ring) for ring in face.rings]
+        surfaces.append(builder.add_plane_surface(loops[0], loops[1:]))
+    return surfaces
 
 
 @contextlib.contextmanager
