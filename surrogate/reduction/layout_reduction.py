@@ -29,7 +29,8 @@ The chip has no sides, whatever the section says of its own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -39,9 +40,9 @@ from thermofem.arrays import Array, Complex
 from thermofem.geometry.resistor import known_resistor, recorded
 
 from .array_reduction import ArrayReduction, diagonal_system, is_passive
-from .certified_space import Indices
-from .layout_sections import ENDLESS, SECTION, Layout
+from .layout_sections import SECTION, Layout
 from .ring_pairs import FLOOR, check_stack
+from .stack_green import ENDLESS
 
 RATIOS = (3.2, 2.7, 2.3, 2.0, 1.7, 1.5)  # rho of the poles, tried in turn
 ABOVE = 0.03  # mu over the slowest rate
@@ -115,8 +116,7 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     ).recorded()
 
 
-@dataclass(frozen=True, eq=False)
-class Poles:
+class Poles(NamedTuple):
     """Shared poles of all channels.
 
     rate [shape (k,), 1/s]. residue [shape (k, N, N), K/W]: R_ijk.
@@ -131,10 +131,11 @@ class Poles:
 def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance: float) -> Poles:
     """The fewest poles that fit H [shape (frequencies, N, N), K/W] at ``omega``, 0 first, or about the best.
 
-    reference [shape (N, N), K/W]: of the errors. tolerance: of them, of which own rises get `OWN`, others `CROSS`.
+    slowest [1/s]: lambda_0. reference [shape (N, N), K/W]: of the errors.
+    tolerance: of them, of which own rises get `OWN`, others `CROSS`.
     """
-    begin = ABOVE * (slowest or ENDLESS / ABOVE)
     allowed = tolerance * np.where(np.eye(H.shape[1]) > 0, OWN, CROSS)
+    begin = ABOVE * slowest or ENDLESS
     fits: list[Poles] = []
     excess: list[float] = []
     for ratio in RATIOS:
@@ -147,31 +148,27 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
             break
     # 2: where more poles gain less than that, a wide shape has no better fit, and few poles keep a model small
     enough = max(1.0, 2 * min(excess))
-    for poles, times_allowed in zip(fits, excess, strict=True):
-        if times_allowed <= enough and poles.error.max() <= tolerance:
-            return poles
-    return fits[int(np.argmin(excess))]
+    good = [poles for poles, times in zip(fits, excess, strict=True) if times <= enough]
+    return next((poles for poles in good if poles.error.max() <= tolerance), good[-1])
 
 
 def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     """Least squares over the frequencies, of the own rises with positive residues, made passive."""
-    upper = np.triu_indices(H.shape[1])
-    scale = reference[upper]
-    target = H[:, *upper] / scale
+    n = len(reference)
+    target = (H / reference).reshape(omega.size, -1)
     static = target[0].real
     rows = np.vstack([target.real, target.imag, STIFF * static])
     responses = 1 / (1 + 1j * omega[:, None] / rate)
     columns = np.vstack([responses.real, responses.imag, np.full(rate.size, STIFF)])
     # 1e-4: weight of the residues themselves: neighbouring ones that cancel would cost passivity
     ridge = np.vstack([columns, 1e-4 * np.eye(rate.size)])
-    nothing = np.zeros((rate.size, scale.size))
-    aims = np.vstack([rows, nothing])
+    aims = np.vstack([rows, np.zeros((rate.size, n**2))])
     share, *_ = np.linalg.lstsq(ridge, aims, rcond=None)
-    for k in np.flatnonzero(upper[0] == upper[1]):
+    for k in range(0, n**2, n + 1):
         # 100: changes of the set of positive residues, per pole: close poles take more than the 3 that SciPy allows
         share[:, k], _ = nnls(columns, rows[:, k], maxiter=100 * rate.size)
     share *= static / share.sum(axis=0)
-    residue = _passive(_square(share * scale, upper))
+    residue = _passive(share.reshape(-1, n, n) * reference)
     off = np.tensordot(responses, residue, 1) - H
     error = np.abs(off).max(axis=0) / reference
     return Poles(rate, residue, error)
@@ -194,16 +191,6 @@ def _passive(residue: Array) -> Array:
     result[:, own, own] += more[:, None]
     result[largest, own, own] -= lack[-1]
     return result
-
-
-def _square(values: Array, upper: tuple[Indices, Indices]) -> Array:
-    """Symmetric matrices, shape (n, N, N), from the values of their upper triangles, shape (n, pairs)."""
-    size = int(upper[0].max()) + 1
-    full = np.zeros((len(values), size, size))
-    row, column = upper
-    full[:, row, column] = values
-    full[:, column, row] = values
-    return full
 
 
 def _model(rate: Array, residue: Array, names: Sequence[str]) -> StateSpace:

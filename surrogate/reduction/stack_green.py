@@ -4,12 +4,12 @@ In the plane of the chip every layer is uniform. With exp(i k x) along it and ex
 
     k_z T'' = (k_r k^2 + s rho c) T,    q = sqrt((k_r k^2 + s rho c)/k_z),    kappa = k_z q
 
-and each layer of thickness d turns an admittance Y (flux over rise, W/(m^2 K)) at its far side to one at its near side,
+so that a piece of a layer of thickness d is a two-port. The fluxes into its faces, W/m^2, are by the rises of both
 
-    Y' = kappa (Y + kappa tanh(q d))/(kappa + Y tanh(q d)),    T_far/T_near = 1/(cosh(q d) + Y/kappa sinh(q d))
+    kappa/tanh(q d) T_near - kappa/sinh(q d) T_far,    and the same with near and far exchanged,
 
-A unit flux at z_j, where Y_up and Y_down are the admittances of what lies above and below, makes 1/(Y_up + Y_down)
-there and the product of the ratios elsewhere. Means over the heights of the parts are Gauss sums. In the plane
+and those of all pieces at a height add to the flux that enters there. g(k) is the rise by a unit flux, K m^2/W; means
+over the heights of the parts are Gauss sums. In the plane
 
     G(r) = 1/(2 pi) int_0^inf g(k) J_0(k r) k dk,    per length of a line: 1/(2 W) [g(0) + 2 sum_n g(k_n) ...]
 
@@ -18,28 +18,39 @@ the second in a section of half width W with insulated sides, k_n = n pi/(2 W).
 Source of the transform: A. J. S. Hamilton, Mon. Not. R. Astron. Soc. 312, 257 (2000) (FFTLog), as in `scipy.fft.fht`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import fht, fhtoffset
+from scipy.linalg import eigh
 
-from thermofem import Boundary, CrossSection
+from thermofem import CrossSection
 from thermofem.arrays import Array, Complex
 
-from .shape_points import Spread
-
 HELD = 1e30  # W/(m^2 K), of an isothermal side
+ENDLESS = 0.3  # 1/s, slowest rate of an endless substrate: a tenth of it moves G by sqrt(w/alpha)/(2 pi k), 0.02 K/W
 NEAREST, FARTHEST = 1e-14, 1e4  # m, range of the transform, which takes both ends for one
 DISTANCES = 8192  # of the distances: 455 a decade, between which linear interpolation errs by 3e-6
 TAIL_OF_GAUSS = 7.0  # k sigma beyond which exp(-(k sigma)^2) is below 1e-21
-RATES = (1e0, 1e12)  # 1/s, where the slowest rate is looked for
-CHUNK = 8  # frequencies at once, to bound memory
+UNIFORM = np.array([1e-3])  # 1/m, k of heat that is uniform in the plane
 
 
-def _exchange(side: Boundary) -> float:
-    """Heat transfer coefficient of a side in W/(m^2 K); `HELD` for an isothermal one."""
-    return HELD if side.kind == "isothermal" else side.exchange
+class Spread(NamedTuple):
+    """Heights in m over which the power of a part is uniform, and the standard deviation of its lanes or cells in m."""
+
+    bottom: float
+    top: float
+    sigma: float = 0.0
+
+    @property
+    def heights(self) -> tuple[Array, Array]:
+        """z of Gauss points in m, and their weights of sum 1."""
+        # 3: Gauss points over the height of a part
+        node, weight = np.polynomial.legendre.leggauss(3)
+        return self.bottom + (self.top - self.bottom) * (node + 1) / 2, weight / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,87 +75,56 @@ class Stack:
     @classmethod
     def of(cls, section: CrossSection) -> "Stack":
         """The stack of a section."""
-        along = []
-        across = []
-        capacity = []
-        for layer in section.layers:
-            material = section.material_of(layer.name)
-            conductivity_factor = float(material.conductivity_law.factor(section.ambient))
-            capacity_factor = float(material.specific_heat_law.factor(section.ambient))
-            k_r = material.conductivity
-            k_z = k_r if material.conductivity_z is None else material.conductivity_z
-            along.append(k_r * conductivity_factor)
-            across.append(k_z * conductivity_factor)
-            capacity.append(material.heat_capacity * capacity_factor)
-        return cls(
-            edges=np.array(section.layer_edges),
-            along=np.array(along),
-            across=np.array(across),
-            capacity=np.array(capacity),
-            bottom=_exchange(section.bottom),
-            top=_exchange(section.top),
-            endless=section.bottom.kind == "open",
-        )
+        layers = [section.material_of(layer.name).at(section.ambient) for layer in section.layers]
+        along, across, capacity = np.transpose(layers)
+        bottom, top = (HELD if side.kind == "isothermal" else side.exchange for side in (section.bottom, section.top))
+        return cls(np.array(section.layer_edges), along, across, capacity, bottom, top, section.bottom.kind == "open")
 
     @cached_property
     def slowest(self) -> float:
-        """Slowest rate in 1/s at which heat leaves, uniform in the plane; 0 where the lowest layer has no bottom.
-
-        There g changes its sign: below it is positive, to `STEP` of it.
-        """
+        """Slowest rate in 1/s at which heat leaves, uniform in the plane; 0 where the lowest layer has no bottom."""
         if self.endless:
             return 0.0
-        low, high = RATES
-        # 0.01: step of the logarithm of the rate
-        rate = np.geomspace(low, high, int(np.log(high / low) / 0.01))
-        middle = self.edges[:1] / 2 + self.edges[-1:] / 2
-        spread = Spread(middle, np.ones(1), np.zeros(1), 0.0)
-        g = self.green(np.array([1e-3]), np.asarray(-rate, dtype=complex), spread, spread)
-        negative = g[:, 0].real < 0
-        first = int(negative.argmax())
-        return float(rate[max(first - 1, 0)])
+        layers = self.capacity.size
+        # 30: pieces of a layer, of lumped capacity
+        pieces = np.linspace(0, layers, 30 * layers + 1)
+        cuts = np.interp(pieces, np.arange(layers + 1), self.edges)
+        storage = np.convolve(np.repeat(self.capacity, 30) * np.diff(cuts), [0.5, 0.5])
+        conduction = self._fluxes(UNIFORM, 0j, cuts)[0].real
+        *_, longest = eigh(np.diag(storage), conduction, eigvals_only=True)
+        return float(1 / longest)
 
     def green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:
         """g(k) in K m^2/W between the heights of two parts, shape (frequencies, k), without their extent in the plane.
 
         k [shape (n,), 1/m], s [shape (frequencies,), 1/s]
         """
-        chunks = [s[i : i + CHUNK] for i in range(0, len(s), CHUNK)]
-        return np.concatenate([self._green(k, chunk, heated, read) for chunk in chunks])
-
-    def _green(self, k: Array, s: Complex, heated: Spread, read: Spread) -> Complex:
         lowest, highest = self.edges[[0, -1]]
-        z_heated = np.clip(heated.z, lowest, highest)
-        z_read = np.clip(read.z, lowest, highest)
-        cuts = np.unique(np.concatenate([self.edges, z_heated, z_read]))
-        middles = (cuts[1:] + cuts[:-1]) / 2
-        layer = np.searchsorted(self.edges, middles) - 1
-        storage = self.capacity[layer] * s[:, None, None]
-        square = self.along[layer] * (k**2)[:, None] + storage
-        q = np.sqrt(square / self.across[layer])  # (frequencies, k, pieces)
-        kappa = np.moveaxis(self.across[layer] * q, -1, 0)
-        thick = np.moveaxis(q * np.diff(cuts), -1, 0)
-        pieces = list(zip(kappa, thick, strict=True))
-        *shape, _ = q.shape
-        downwards = [kappa[0] if self.endless else np.full(shape, self.bottom, dtype=complex)]
-        for piece in pieces:
-            downwards.append(_through(downwards[-1], *piece))
-        upwards = [np.full(shape, self.top, dtype=complex)]
-        ratio = []
-        for piece in reversed(pieces):
-            ratio.append(_ratio(upwards[-1], *piece))
-            upwards.append(_through(upwards[-1], *piece))
-        upwards.reverse()
-        ratio.reverse()
-        total = np.zeros(shape, dtype=complex)
-        for z, share in zip(z_heated, heated.weight, strict=True):
-            for other, weight in zip(z_read, read.weight, strict=True):
-                low, high = np.searchsorted(cuts, sorted((z, other)))
-                rise = share * weight / (upwards[low] + downwards[low])
-                for factor in ratio[low:high]:
-                    rise = rise * factor
-                total += rise
-        return total
+        z = np.concatenate([heated.heights[0], read.heights[0]]).clip(lowest, highest)
+        cuts = np.unique(np.append(self.edges, z))
+        places = np.split(np.searchsorted(cuts, z), 2)
+        flux = np.bincount(places[0], heated.heights[1], cuts.size)
+        mean = np.bincount(places[1], read.heights[1], cuts.size)
+        return np.array([np.linalg.solve(self._fluxes(k, one, cuts), flux[:, None])[..., 0] @ mean for one in s])
+
+    def _fluxes(self, k: Array, s: complex, cuts: Array) -> Complex:
+        """Fluxes in W/m^2 that enter at the heights ``cuts`` by the rises there, shape (k, cuts, cuts)."""
+        layer = np.searchsorted(self.edges, (cuts[1:] + cuts[:-1]) / 2) - 1
+        square = self.along[layer] * k[:, None] ** 2 + s * self.capacity[layer]
+        q = np.sqrt(square / self.across[layer])
+        kappa = self.across[layer] * q
+        fade = np.exp(-q * np.diff(cuts))
+        through = 2 * kappa * fade / (1 - fade**2)
+        into = kappa * (1 + fade**2) / (1 - fade**2)
+        matrix = np.zeros((k.size, cuts.size, cuts.size), dtype=complex)
+        near = np.arange(layer.size)
+        far = near + 1
+        matrix[:, near, near] = into
+        matrix[:, far, far] += into
+        matrix[:, near, far] = matrix[:, far, near] = -through
+        matrix[:, 0, 0] += kappa[:, 0] if self.endless else self.bottom
+        matrix[:, -1, -1] += self.top
+        return matrix
 
     def over_distance(
         self, s: Complex, heated: Spread, read: Spread, samples: int = DISTANCES
@@ -155,50 +135,34 @@ class Stack:
         bias = -0.5 if self.endless else 0.0  # r G and k g of a half space do not decay without it
         offset = fhtoffset(step, mu=0, bias=bias)
         r = np.exp(offset) / k[::-1]
-        variance = heated.sigma**2 + read.sigma**2
-        smooth = np.exp(-(k**2) * variance / 2)
+        blur = k * np.hypot(heated.sigma, read.sigma)
         height = float(self.edges[-1] - self.edges[0])
         # 1e-3: k times the height of a held stack, below which g(k) is g(0) to 1e-6
-        uniform = 0.0 if self.endless else 1e-3 / height
-        least = np.exp(-(TAIL_OF_GAUSS**2))
-        first = int(np.searchsorted(k, uniform))
-        last = int(np.searchsorted(-smooth, -least))
+        least = 0.0 if self.endless else 1e-3 / height
+        varies = (k >= least) & (blur < np.sqrt(2) * TAIL_OF_GAUSS)
         g = np.zeros((len(s), samples), dtype=complex)
-        g[:, first:last] = self.green(k[first:last], s, heated, read)
-        g[:, :first] = g[:, first, None]
-        g *= k * smooth / (2 * np.pi)
+        g[:, varies] = self.green(k[varies], s, heated, read)
+        g[:, k < least] = g[:, varies][:, :1]
+        g *= k * np.exp(-(blur**2) / 2) / (2 * np.pi)
         real, imaginary = fht(np.stack([g.real, g.imag]), step, 0, offset, bias)
         G = real + 1j * imaginary
         return r, G / r
 
-    def over_section(self, s: Complex, half_width: float, heated: Spread, read: Spread) -> Complex:
-        """Rise in K per W/m of ``read`` by ``heated``, two lines in a section with insulated sides, at each frequency.
+    def over_section(
+        self, s: Complex, half_width: float, spreads: tuple[Spread, Spread], lanes: Sequence[Array]
+    ) -> Complex:
+        """Rise in K per W/m of one line by another in a section with insulated sides, at each frequency.
 
-        half_width [m]
+        half_width [m]; lanes [m]: x of those of both.
         """
-        sigma = np.hypot(heated.sigma, read.sigma)
+        sigma = np.hypot(spreads[0].sigma, spreads[1].sigma)
         highest = TAIL_OF_GAUSS / sigma * np.sqrt(2)
         count = int(np.ceil(highest * 2 * half_width / np.pi))
         k = np.asarray(np.pi * np.arange(count + 1) / (2 * half_width), dtype=float)
         k[0] = k[1] * 1e-6  # the mean over the section; 0 itself would divide 0 by 0 at rest
         shares = np.full(k.size, 1 / half_width)
         shares[0] /= 2
-        for spread in (heated, read):
-            phases = k[:, None] * (spread.lanes + half_width)
-            smooth = np.exp(-((k * spread.sigma) ** 2) / 2)
-            shares = shares * np.cos(phases).mean(axis=1) * smooth
-        return self.green(k, s, heated, read) @ shares
-
-
-def _through(load: Complex, kappa: Complex, thick: Complex) -> Complex:
-    """Admittance at the near side of a layer with ``load`` at its far side; ``thick`` is q d."""
-    tangent = np.tanh(thick)
-    return kappa * (load + kappa * tangent) / (kappa + load * tangent)
-
-
-def _ratio(load: Complex, kappa: Complex, thick: Complex) -> Complex:
-    """Rise at the far side of a layer over that at its near side."""
-    fade = np.exp(-thick)
-    inverse_cosh = 2 * fade / (1 + fade**2)
-    loaded = 1 + load / kappa * np.tanh(thick)
-    return inverse_cosh / loaded
+        for x in lanes:
+            shares *= np.cos(k[:, None] * (x + half_width)).mean(axis=1)
+        shares *= np.exp(-((k * sigma) ** 2) / 2)
+        return self.green(k, s, *spreads) @ shares

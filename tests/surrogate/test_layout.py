@@ -10,8 +10,9 @@ from layouts import heated_section, random_layout
 import coupled
 import surrogate
 import thermofem as th
-from surrogate.reduction.shape_points import Spread, distances, lanes_of, points_of
-from surrogate.reduction.stack_green import Stack
+from surrogate.reduction.shape_points import distances, lanes_of, points_of
+from surrogate.reduction.stack_green import Spread, Stack
+from thermofem.geometry.section_parts import bar
 
 GUIDE = th.straight_guide()
 THIN = th.straight_guide(substrate=20e-6)
@@ -261,7 +262,7 @@ def test_a_tiled_plane_is_a_ring_in_a_cell():
 
 def test_the_green_function_of_a_half_space():
     """G = exp(-sqrt(i w/alpha) d)/(2 pi k d) on the surface of a half space."""
-    spread = Spread(np.array([0.0]), np.ones(1), np.zeros(1), 1e-9)
+    spread = Spread(bottom=0.0, top=0.0, sigma=1e-9)
     half_space = Stack(np.array([-1e-6, 0.0]), np.full(1, 2.0), np.full(1, 2.0), np.full(1, 1e6), 0.0, 0.0, True)
     omega = np.array([0.0, 1e3, 1e5])
     r, G = half_space.over_distance(1j * omega, spread, spread)
@@ -311,12 +312,13 @@ def test_a_finer_tolerance_moves_the_response_by_less_than_the_coarser_one():
 
 def test_the_line_of_the_green_function_is_a_section_of_oxide():
     """Two cores of the oxide's properties, 3 um apart: the FEM of the section has nothing but the stack."""
-    parts = [replace(GUIDE.parts[0], material="SiO2", name=name, x=x) for name, x in (("a", -1.5e-6), ("b", 1.5e-6))]
-    parts = [replace(part, inner_radius=math.nan, outer_radius=math.nan) for part in parts]
+    core = replace(GUIDE.parts[0], material="SiO2")
+    parts = [bar(replace(core, name=name), x, core.breadth) for name, x in (("a", -1.5e-6), ("b", 1.5e-6))]
     oxide = replace(GUIDE, parts=tuple(parts))
     exact = th.assemble(oxide, 1e-4).thermal_resistance("a", "b") * oxide.length
-    one, other = (Spread.of(th.Shape("line", oxide, part=name, **BAR)) for name in ("a", "b"))
-    line = Stack.of(oxide).over_section(np.zeros(1) + 0j, oxide.half_width, one, other)[0].real
+    spread = Spread(core.bottom, core.top, core.breadth / math.sqrt(12))
+    lanes = (np.array([-1.5e-6]), np.array([1.5e-6]))
+    line = Stack.of(oxide).over_section(np.zeros(1) + 0j, oxide.half_width, (spread, spread), lanes)[0].real
     # 1e-3: the mesh, and a Gauss curve that stands for the width of a core
     assert line == pytest.approx(exact, rel=1e-3)
 
@@ -325,11 +327,12 @@ def test_points_have_the_area_and_the_moments_of_the_shape():
     pad = th.Shape("pad", HEATED, outline=[(0, 0), (12e-6, 0), (12e-6, 6e-6), (0, 6e-6)], part="heater")
     points, weight = points_of(pad)
     lane = 6e-6 / lanes_of(6e-6).size
-    spread = ((points - weight @ points) ** 2 * weight[:, None]).sum(axis=0) + lane**2 / 12
+    off_centre = points - weight @ points
+    spread = np.array([weight @ off_centre.real**2, weight @ off_centre.imag**2]) + lane**2 / 12
     # of a rectangle a x b: a^2/12 and b^2/12
     np.testing.assert_allclose(spread, [12e-12, 3e-12], rtol=1e-2)
     r = np.geomspace(1e-9, 1e-3, 4001)
-    apart = distances((points, weight), (points + np.array([1e-4, 0.0]), weight), r)
+    apart = distances((points, weight), (points + 1e-4, weight), r)
     assert apart.sum() == pytest.approx(1.0, rel=1e-12)
     # the mean of d^2 is the squared shift plus twice the variance; 1e-4 by interpolation
     assert apart @ r**2 == pytest.approx(1e-8 + 2 * (spread.sum() - lane**2 / 6), rel=1e-3)

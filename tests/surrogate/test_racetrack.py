@@ -133,8 +133,8 @@ def test_solve_follows(tmp_path, paper):
     data = th.load(tmp_path / "heat.nc")
     for name in ("core", "light"):
         rise = 2e-3 * paper.model.channel(read=name).step_response(data["time"].values)
-        # one model, by two routes: round-off
-        np.testing.assert_allclose(data["delta_T"].sel(probe=name), rise, rtol=1e-9, atol=1e-12)
+        # one model, by two routes: the step of a StateSpace has rtol = 1e-5
+        np.testing.assert_allclose(data["delta_T"].sel(probe=name), rise, rtol=1e-5, atol=1e-12)
     periodic = "--square", "1 us", "--periodic", "--samples", "50", "-o", "period.nc"
     assert commands.thermofem("solve", "ring.toml", *periodic, cwd=tmp_path).returncode == 0
     drop = th.load(tmp_path / "period.nc")["delta_T"].values

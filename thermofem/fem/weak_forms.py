@@ -14,7 +14,6 @@ from skfem.quadrature import get_quadrature
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, Indices, Mask, scattered
 from ..geometry.section_parts import AMBIENT
-from ..materials.material_laws import Law, check_positive
 from ..mesh.triangles import radii
 from ..models import StateSpace
 from .surfaces import Surfaces, surface_terms
@@ -124,23 +123,9 @@ def discretize(
 
 def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
     """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
-    T0 = geometry.ambient
-
-    def at_ambient(law: Law) -> float:
-        factor = law.factor(T0)
-        check_positive(law, T0, factor)
-        return float(factor)
-
-    conductivities = []
-    capacities = []
-    for name in mesh.region_names:
-        material = geometry.material_of(name)
-        k_r = material.conductivity
-        k_z = k_r if material.conductivity_z is None else material.conductivity_z
-        at_T0 = at_ambient(material.conductivity_law)
-        conductivities.append((k_r * at_T0, k_z * at_T0))
-        capacities.append(material.heat_capacity * at_ambient(material.specific_heat_law))
-    return np.array(conductivities).T[:, mesh.region], np.array(capacities)[mesh.region]
+    rows = [geometry.material_of(name).at(geometry.ambient) for name in mesh.region_names]
+    k_r, k_z, capacity = np.transpose(rows)[:, mesh.region]
+    return np.stack([k_r, k_z]), capacity
 
 
 def conduction(basis: Any, conductivity: ArrayLike) -> Any:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -164,6 +164,11 @@ class Part:
         foot = [(inner - inner_lean, self.bottom), (outer + lean, self.bottom)]
         head = [(outer - lean, self.top), (inner + inner_lean, self.top)]
         return np.array(foot + head)
+
+
+def bar(part: Part, x: float, width: float) -> Part:
+    """The same part as a straight bar, with the x of its middle and its width at half height in m."""
+    return replace(part, x=x, width=width, inner_radius=math.nan, outer_radius=math.nan)
 
 
 def images(part: Part, other: Part) -> bool:

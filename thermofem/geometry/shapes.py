@@ -20,13 +20,13 @@ from ..checks import InputError
 from ..materials.material_library import VOID
 from . import section_parts
 from .cross_section import CrossSection
-from .section_parts import Part
+from .section_parts import Part, bar
 
 NM = 1e3  # um in nm, to which the width of an outline is rounded: layouts have a grid of 1 nm
 UM = 1e6  # GEOS has absolute tolerances: polygons are in um
 LEAST_BEND = 3e-6  # m; a tighter bend is no line with a slowly turning section
 SHARPEST = math.radians(30)  # between two pieces of a line: more is a corner, not a bend
-ARC = math.radians(1)  # of one piece of a bend: a polygon shorter than its circle by 1e-5
+QUARTER = 90  # pieces of a quarter of a circle: a polygon shorter than it by 1e-5
 
 
 @dataclass(frozen=True)
@@ -84,33 +84,29 @@ class Shape:
         points = _points(f"{what}: {field}", getattr(self, field), 2 if field == "path" else 3)
         object.__setattr__(self, field, tuple(map(tuple, points.tolist())))
         if field == "path":
-            _check_line(what, points)
+            _check_bends(what, points)
         polygon = self.polygon
-        if polygon.geom_type != "Polygon" or not polygon.area or len(polygon.interiors) > 1:
+        if polygon.geom_type != "Polygon" or not polygon.area or len(polygon.interiors) > self.closed:
             raise InputError(f"{what}: its {field} crosses itself; draw each piece as a shape of its own")
-        checks.between(
-            f"{what}: length",
-            self.length,
-            self.width * (1 - 1e-9),
-            math.inf,
-            unit="m",
-            hint="a line is longer than wide",
-        )
+        least = self.width * (1 - 1e-9)
+        checks.between(f"{what}: length", self.length, least, math.inf, unit="m", hint="a line is longer than wide")
 
     @property
-    def _section_part(self) -> Part:
-        return self.section.part(str(self.part))
+    def _breadth(self) -> float:
+        """Width in m of the part in the section."""
+        return self.section.part(str(self.part)).breadth
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """The area in the plane, in um."""
+        """The area in the plane, in um; an empty one of an outline that crosses itself."""
         if self.path is None:
-            return _polygon(np.asarray(self.outline))
+            plain = shapely.Polygon(np.asarray(self.outline) * UM)
+            joined = plain.buffer(0)  # also of a ring that is cut open
+            # 1e-6: an outline that crosses itself has areas of either sign
+            return joined if abs(plain.area - joined.area) < 1e-6 * plain.area else shapely.Polygon()
         line = np.asarray(self.path) * UM
-        half = float(self._section_part.width or 0.0) / 2 * UM
-        if self.closed:
-            return shapely.LinearRing(line).buffer(half, join_style="mitre")
-        return shapely.LineString(line).buffer(half, cap_style="flat", join_style="mitre")
+        curve = shapely.LinearRing(line) if self.closed else shapely.LineString(line)
+        return curve.buffer(self._breadth / 2 * UM, cap_style="flat", join_style="mitre")
 
     @cached_property
     def closed(self) -> bool:
@@ -124,7 +120,7 @@ class Shape:
     def width(self) -> float:
         """Width in m; of an outline that of the strip with the same area and perimeter."""
         if self.path is not None:
-            return float(self._section_part.width or 0.0)
+            return self._breadth
         area = self.polygon.area
         half = self.polygon.length / 4
         width = area / half / 2 if self.closed else half - math.sqrt(max(half**2 - area, 0.0))
@@ -147,13 +143,14 @@ class Shape:
 
     @property
     def bend(self) -> float:
-        """Smallest bend radius in m, inf of a straight line or an outline that is no ring."""
+        """Smallest bend radius in m, inf of an outline that is no ring."""
         return math.inf if self.line is None else _bends(self.line)[0]
 
     @property
     def drawn(self) -> Part:
         """The part of the section with the width of the shape."""
-        return replace(self._section_part, width=self.width, inner_radius=math.nan, outer_radius=math.nan)
+        part = self.section.part(str(self.part))
+        return bar(part, part.centre, self.width)
 
     def outlined(self) -> list[list[list[float]]]:
         """Points (x, y) in m around the shape, to 0.1 nm: the outer ring, then that of a hole."""
@@ -206,14 +203,9 @@ def racetrack(
     straight = checks.between("straight", straight, 0.0, 1e-2, unit="m", hint=section_parts.slip(straight, 8e-6))
     middle = checks.numbers("at", at, hint="the middle (x, y) in m")
     checks.shape("at", middle, (2,))
-    steps = round(math.pi / ARC)
-    angle = np.linspace(0.0, math.pi, steps + 1)
-    upper = radius * np.column_stack([np.cos(angle), np.sin(angle)]) + [0.0, straight / 2]
-    lower = -upper
-    if straight == 0.0:
-        lower = lower[1:-1]
-    corners = np.concatenate([upper, lower, upper[:1]])
-    return Shape(name, section, path=corners + middle, part=part)
+    centres = shapely.LineString([(0.0, -straight / 2 * UM), (0.0, straight / 2 * UM)])
+    around = centres.buffer(radius * UM, quad_segs=QUARTER).exterior
+    return Shape(name, section, path=np.asarray(around.coords) / UM + middle, part=part)
 
 
 def along_ring(ring: CrossSection) -> tuple[Shape, ...]:
@@ -222,23 +214,18 @@ def along_ring(ring: CrossSection) -> tuple[Shape, ...]:
     The first heated part is at x = 0. Names are those of the parts; other parts follow each of them.
     """
     middle = ring.first_heated.centre
-    radius = {part.name: part.centre for part in ring.parts}
-    parts = tuple(
-        replace(part, x=part.centre - middle, width=part.breadth, inner_radius=math.nan, outer_radius=math.nan)
-        for part in ring.parts
-    )
+    parts = [bar(part, part.centre - middle, part.breadth) for part in ring.parts]
     section = replace(
         ring,
         kind="straight",
-        parts=parts,
+        parts=tuple(parts),
         length=ring.path_length(middle),
         half_width=ring.outer_radius,
         straight=0.0,
         buses=(),
     )
-    return tuple(
-        racetrack(name, section, radius=radius[name], straight=ring.straight, part=name) for name in ring.heated
-    )
+    heated = [ring.part(name) for name in ring.heated]
+    return tuple(racetrack(part.name, section, part.centre, ring.straight, part=part.name) for part in heated)
 
 
 def _points(what: str, value: ArrayLike, least: int) -> Array:
@@ -249,29 +236,12 @@ def _points(what: str, value: ArrayLike, least: int) -> Array:
     return points
 
 
-def _polygon(corners: Array) -> shapely.Polygon:
-    """Polygon in um of an outline, which may be that of a ring cut open; an empty one where it crosses itself."""
-    plain = shapely.Polygon(corners * UM)
-    if plain.is_valid:
-        return plain
-    joined = plain.buffer(0)
-    x, y = (corners * UM).T
-    signed = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
-    # 1e-6: an outline that crosses itself has areas of either sign
-    return joined if abs(signed - joined.area) < 1e-6 * signed else shapely.Polygon()
-
-
-def _check_line(what: str, points: Array) -> None:
-    closed = bool((points[0] == points[-1]).all())
-    line = shapely.LineString(points * UM)
-    if not line.is_simple:
-        raise InputError(f"{what}: its path crosses itself; draw each piece as a shape of its own")
-    if closed and len(points) < 4:
-        raise InputError(f"{what}: its path of {len(points)} points encloses nothing; add points")
-    radius, turn, (x, y) = _bends(points)
+def _check_bends(what: str, line: Array) -> None:
+    """Raise InputError unless a line of points turns slowly."""
+    radius, turn = _bends(line)
     if turn > SHARPEST:
         raise InputError(
-            f"{what}: its path turns by {math.degrees(turn):.0f} deg at ({x:g}, {y:g}) m; give bends many points, or "
+            f"{what}: its path turns by {math.degrees(turn):.0f} deg between two pieces; give bends many points, or "
             "draw a corner as an outline"
         )
     # 1.001: a polygon of many pieces lies inside its bend
@@ -282,19 +252,12 @@ def _check_line(what: str, points: Array) -> None:
         )
 
 
-def _bends(points: Array) -> tuple[float, float, tuple[float, float]]:
-    """Smallest radius of a line of points in m, largest turn in rad between two pieces, and where that is in m."""
-    closed = bool((points[0] == points[-1]).all())
-    corners = np.concatenate([points, points[1:2]]) if closed else points
-    piece = np.diff(corners, axis=0)
-    length = np.linalg.norm(piece, axis=1)
-    angle = np.unwrap(np.arctan2(piece[:, 1], piece[:, 0]))
-    turn = np.abs(np.diff(angle))
-    if not turn.size:
-        return math.inf, 0.0, (0.0, 0.0)
-    between = (length[1:] + length[:-1]) / 2
-    bent = turn > 1e-9
-    radius = np.divide(between, turn, out=np.full(turn.size, math.inf), where=bent)
-    worst = int(turn.argmax())
-    x, y = corners[worst + 1]
-    return float(radius.min()), float(turn[worst]), (float(x), float(y))
+def _bends(line: Array) -> tuple[float, float]:
+    """Smallest radius of a line of points in m, and largest turn in rad from one piece to the next."""
+    closed = bool((line[0] == line[-1]).all())
+    corners = np.concatenate([line, line[1:2]]) if closed else line
+    piece = np.diff(corners @ [1, 1j])
+    length = np.abs(piece)
+    turn = np.abs(np.angle(piece[1:] * piece[:-1].conj()))
+    radius = (length[1:] + length[:-1]) / 2 / np.maximum(turn, 1e-12)
+    return float(radius.min(initial=math.inf)), float(turn.max(initial=0.0))

@@ -23,7 +23,7 @@ from typing import Any
 from .. import checks
 from ..checks import InputError
 from ..data import quantity
-from .material_laws import CONSTANT, INDEX_LAWS, IndexLaw, Law, Polynomial, PowerLaw, Table, is_constant
+from .material_laws import CONSTANT, INDEX_LAWS, IndexLaw, Law, Polynomial, PowerLaw, Table, check_positive, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
@@ -107,6 +107,17 @@ class Material:
     def heat_capacity(self) -> float:
         """Volumetric heat capacity rho c_p in J/m^3/K."""
         return self.density * self.specific_heat
+
+    def at(self, T: float) -> tuple[float, float, float]:
+        """k along the layers and across them in W/(m K), and rho c_p in J/(m^3 K), at a temperature in K."""
+        factors = []
+        for law in (self.conductivity_law, self.specific_heat_law):
+            factor = law.factor(T)
+            check_positive(law, T, factor)
+            factors.append(float(factor))
+        of_k, of_c = factors
+        across = self.conductivity if self.conductivity_z is None else self.conductivity_z
+        return self.conductivity * of_k, across * of_k, self.heat_capacity * of_c
 
     @property
     def diffusivity(self) -> float:
