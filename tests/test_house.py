@@ -41,6 +41,7 @@ def imported(path: Path) -> set[str]:
 HOMES = {
     "matplotlib": re.compile(r"(.*/)?plot(\w*|/\w+)\.py"),
     "gmsh": re.compile(r"thermofem/mesh/gmsh_mesher\.py"),
+    "pygmsh": re.compile(r"thermofem/mesh/gmsh_mesher\.py"),
     "pysindy": re.compile(r"surrogate/fitting/sindy\.py"),
     "surrogate": re.compile(r"surrogate/.*|thermofem_cli/.*"),
     "coupled": re.compile(r"coupled/.*|thermofem_cli/.*"),

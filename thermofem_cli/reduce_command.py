@@ -6,7 +6,7 @@ from typing import Any
 import typer
 
 from . import options
-from .console import say, working, written
+from .console import working
 
 
 def reduce(
@@ -31,14 +31,12 @@ def reduce(
     """
     import surrogate
     import thermofem as th
-    from surrogate.studies.inverse_search import channel_steps
-    from thermofem import checks
+    from thermofem import InputError, checks
     from thermofem.geometry.section_parts import LIGHT
 
     from .inputs.command_files import kind_of, section_of
     from .results.heat_lines import note_cut
-    from .results.racetracks import reduced_racetrack
-    from .results.reductions import over_channels, reduced_array, reduced_layout
+    from .results.reductions import reduced_array, reduced_layout, reduced_racetrack, written_channels
 
     if positions is not None:
         options.unused(context, "has no effect with --positions: every ring of an array is read", "read")
@@ -47,18 +45,20 @@ def reduce(
         options.unused(context, why, "heated", "read", "positions", "accuracy", "mesh")
         return reduced_layout(geometry, tolerance, output)
     section = section_of(geometry)
+    names = options.listed(heated) or [section.heated[0]]
+    light = [] if section.light is None else [LIGHT]
+    outputs = options.listed(read) or [*names[:1], *light]
     if section.straight:
-        options.unused(
-            context, "has no effect on a racetrack, whose section gets a mesh for --tolerance", "accuracy", "mesh"
-        )
-        return reduced_racetrack(section, tolerance, options.listed(heated), options.listed(read), positions, output)
+        why = "has no effect on a racetrack, whose section gets a mesh for --tolerance"
+        options.unused(context, why, "accuracy", "mesh")
+        if positions is not None:
+            hint = "an array of racetracks is a layout, with a table [[shape]] for each"
+            raise InputError(f"--positions: {section.name!r} is a racetrack", hint)
+        return reduced_racetrack(section, tolerance, names, outputs, output)
     with working("meshing, assembling and reducing"):
         heat = th.assemble(section, accuracy, mesh=mesh)
-        names = options.listed(heated) or [heat.heated[0]]
         for name in names:
             checks.choice("--heated", name, heat.heated)
-        light = [LIGHT] if LIGHT in heat.readable else []
-        outputs = options.listed(read) or [*names[:1], *light]
         for name in outputs:
             checks.choice("--read", name, heat.readable)
         if positions is not None:
@@ -66,21 +66,7 @@ def reduce(
         rom = surrogate.reduce(heat.channels(names, outputs), tolerance=tolerance)
         domain_error = heat.domain_error(names[0])
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
-    surrogate.save_model(rom.model, output, provenance=provenance)
-    say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    rows = channel_steps(rom.model) or []
-    for row in rows:
-        of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
-        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
+    what = f"{heat.unknowns} unknowns -> {rom.order} poles"
+    numbers = written_channels(rom.model, what, rom.error_bound, provenance, output)
     note_cut(domain_error, accuracy)
-    return {
-        "unknowns": heat.unknowns,
-        "poles": rom.order,
-        "error_bound": rom.error_bound,
-        "domain_error": domain_error,
-        "heated": names,
-        "read": outputs,
-        "thermal_resistance": over_channels(rows, names, outputs, "thermal_resistance"),
-        "rise_time": over_channels(rows, names, outputs, "rise_time"),
-        "model": output,
-    }
+    return {"unknowns": heat.unknowns, "domain_error": domain_error, **numbers}

@@ -38,13 +38,13 @@ def show(
     import surrogate
     import thermofem as th
     from coupled.parameters import published_rings
+    from surrogate.reduction.racetrack_reduction import racetrack_sheets
     from thermofem.data import files
     from thermofem.errors import InputError
 
     from .inputs.command_files import expect, kelvin_of, kind_of
-    from .results.heater_sheets import say_sheets
+    from .results.heater_sheets import say_each, say_sheets
     from .results.model_card import draw_layout, family_lines, family_numbers, model_card
-    from .results.racetracks import say_racetrack_sheets
 
     kind = kind_of(file)
     if kind == "ring" or str(file) in published_rings():
@@ -54,7 +54,9 @@ def show(
         for line in filter(None, section.to_toml().splitlines()):
             say(line)
         if section.straight:
-            return {"geometry": section.to_toml(), **say_racetrack_sheets(section)}
+            with working("solving light and heat"):
+                sheets = racetrack_sheets(section)
+            return {"geometry": section.to_toml(), **say_each(section, sheets)}
         if section.light is None or len(section.heated) < 2:
             return {"geometry": section.to_toml()}
         with working("solving light and heat"):

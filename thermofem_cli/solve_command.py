@@ -55,7 +55,7 @@ def solve(
     from .inputs.command_files import section_of
     from .inputs.drive_texts import heating, times_of
     from .results.heat_lines import draw_preview, draw_response, note_cut, say_heat, steady_rises
-    from .results.heater_sheets import say_sheets
+    from .results.heater_sheets import say_each, say_sheets
 
     if no_solve:
         why = "has no effect with --no-solve, which draws the --preview alone"
@@ -78,17 +78,18 @@ def solve(
     parts = options.listed(heated)
     outputs = [name for text in read or () for name in options.listed(text)]
     if section.straight:
-        from .results.racetracks import say_racetrack_sheets, solved_racetrack
+        from surrogate.reduction.racetrack_reduction import racetrack_sheets, solve_racetrack
 
         why = "has no effect on a racetrack, which has no mesh of its own"
         options.unused(context, why, "accuracy", "mesh", "rtol", "preview", "field_times", "paraview")
-        asked = samples if periodic else np.linspace(0, duration, samples)
-        data, steady = solved_racetrack(section, wave, asked, parts, outputs)
+        times = th.waveforms.period_times(wave, samples) if periodic else np.linspace(0, duration, samples)
+        with working("solving the section and the path of the racetrack"):
+            data = solve_racetrack(section, wave, times, parts, outputs, periodic=periodic)
+            of_heaters = racetrack_sheets(section)
         th.save(data, output)
         if figure:
             draw_response(data, figure)
-        numbers = say_heat(data, step, {name: R * (step or 0.0) for name, R in steady.items()})
-        numbers |= say_racetrack_sheets(section)
+        numbers = say_heat(data, step) | say_each(section, of_heaters)
         return {**numbers, "wrote": [path for path in (output, figure) if path]}
     instants = times_of(field_times)
     if paraview and not instants:

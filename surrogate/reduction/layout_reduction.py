@@ -26,6 +26,10 @@ Errors. The bound of each channel is the sum of
 - the silicon or metal of two shapes apart, which is taken as oxide: 8 % of the gain for each um^2 of w h. Measured on
   two parts 0.5 to 8 um apart in one section: 0.5 % for two cores (8 % of 0.2 um^2 are 1.6 %), 2.8 % for two heaters.
 The chip has no sides, whatever the section says of its own.
+
+The ambient reaches a shape as in the bare stack. Cores and heaters delay it by what they store: measured against the
+FEM of a section, 0.12 % of a kelvin for a core of 0.1 um^2; with a heater of 0.2 um^2 on the top 0.5 % for the core and
+1.6 % for the heater. The bound is 8 % for each um^2 of w h.
 """
 
 from collections.abc import Sequence
@@ -38,6 +42,7 @@ from scipy.optimize import nnls
 from thermofem import InputError, Shape, StateSpace, checks
 from thermofem.arrays import Array, Complex
 from thermofem.geometry.resistor import known_resistor, recorded
+from thermofem.geometry.section_parts import AMBIENT
 
 from .array_reduction import ArrayReduction, diagonal_system, is_passive
 from .layout_sections import SECTION, Layout
@@ -50,7 +55,7 @@ STIFF = 30.0  # weight of the static gain in the fit
 OWN, CROSS = 0.1, 0.5  # of the tolerance, for the poles; own rises are small at high frequencies, where they matter
 
 
-def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayReduction:
+def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3, *, ambient: bool = False) -> ArrayReduction:
     """Reduce shapes in the plane of a chip to one thermal model with an input and an output for each.
 
     Parameters
@@ -60,6 +65,8 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     tolerance : float
         of the poles of every channel at every frequency, relative to its static gain plus a hundredth of the larger own
         gain of its two shapes; the mesh of the sections has a fifth of it.
+    ambient : bool
+        whether the last input is "ambient", the temperature around the chip in kelvin above that of the section.
 
     Returns
     -------
@@ -70,7 +77,8 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     ------
     InputError
         shapes that cross or are closer than they are thick, shapes on different layers, names that are not unique, a
-        part of a section that reaches beyond half of the way to another shape, or a tolerance out of reach.
+        part of a section that reaches beyond half of the way to another shape, or a tolerance out of reach; the ambient
+        of a stack on an open bottom.
 
     >>> from thermofem import racetrack, straight_guide
     >>> section = straight_guide(substrate=20e-6)
@@ -87,15 +95,26 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
     layout = Layout.of(shapes, tolerance)
     omega = layout.frequencies(tolerance)
     H, error = layout.response(omega)
-    static = H[0].real
-    own = static.diagonal()
-    reference = np.abs(static) + FLOOR * np.maximum.outer(own, own)
+    inputs = [shape.name for shape in shapes]
+    if ambient:
+        if layout.stack.endless:
+            hint = "make the bottom isothermal or convective"
+            raise InputError(
+                "ambient = True: no ambient reaches a chip on an open bottom, which goes on for ever", hint
+            )
+        follows, neglected = layout.ambient(omega)
+        H = np.dstack([H, follows])
+        error = np.column_stack([error, neglected])
+        inputs.append(AMBIENT)
+    reference = np.abs(H[0])
+    own = reference.diagonal()
+    reference[:, : len(shapes)] += FLOOR * np.maximum.outer(own, own)
     poles = fitted(H, omega, layout.stack.slowest, reference, tolerance)
     worst = poles.error.max()
     if worst > tolerance:
         raise InputError(f"tolerance = {tolerance:g} is out of reach: the poles leave {worst:.1e}; loosen it")
     bounds = poles.error + error / reference
-    model = _model(poles.rate, poles.residue, [shape.name for shape in shapes])
+    model = _model(poles.rate, poles.residue, inputs)
     resistors = {}
     for shape in shapes:
         resistors[shape.name] = known_resistor(shape.section, str(shape.part), shape.length, shape.width)
@@ -119,8 +138,8 @@ def reduce_layout(shapes: Sequence[Shape], tolerance: float = 1e-3) -> ArrayRedu
 class Poles(NamedTuple):
     """Shared poles of all channels.
 
-    rate [shape (k,), 1/s]. residue [shape (k, N, N), K/W]: R_ijk.
-    error [shape (N, N)]: largest over the frequencies, relative to a reference.
+    rate [shape (k,), 1/s]. residue [shape (k, N, inputs), K/W]: R_ijk.
+    error [shape (N, inputs)]: largest over the frequencies, relative to a reference.
     """
 
     rate: Array
@@ -129,12 +148,12 @@ class Poles(NamedTuple):
 
 
 def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance: float) -> Poles:
-    """The fewest poles that fit H [shape (frequencies, N, N), K/W] at ``omega``, 0 first, or about the best.
+    """The fewest poles that fit H [shape (frequencies, N, inputs), K/W] at ``omega``, 0 first, or about the best.
 
-    slowest [1/s]: lambda_0. reference [shape (N, N), K/W]: of the errors.
+    slowest [1/s]: lambda_0. reference [shape (N, inputs), K/W]: of the errors.
     tolerance: of them, of which own rises get `OWN`, others `CROSS`.
     """
-    allowed = tolerance * np.where(np.eye(H.shape[1]) > 0, OWN, CROSS)
+    allowed = tolerance * np.where(np.eye(*reference.shape) > 0, OWN, CROSS)
     begin = ABOVE * slowest or ENDLESS
     fits: list[Poles] = []
     excess: list[float] = []
@@ -154,7 +173,7 @@ def fitted(H: Complex, omega: Array, slowest: float, reference: Array, tolerance
 
 def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     """Least squares over the frequencies, of the own rises with positive residues, made passive."""
-    n = len(reference)
+    shapes, inputs = reference.shape
     target = (H / reference).reshape(omega.size, -1)
     static = target[0].real
     rows = np.vstack([target.real, target.imag, STIFF * static])
@@ -162,13 +181,14 @@ def _fit(H: Complex, omega: Array, rate: Array, reference: Array) -> Poles:
     columns = np.vstack([responses.real, responses.imag, np.full(rate.size, STIFF)])
     # 1e-4: weight of the residues themselves: neighbouring ones that cancel would cost passivity
     ridge = np.vstack([columns, 1e-4 * np.eye(rate.size)])
-    aims = np.vstack([rows, np.zeros((rate.size, n**2))])
+    aims = np.vstack([rows, np.zeros((rate.size, reference.size))])
     share, *_ = np.linalg.lstsq(ridge, aims, rcond=None)
-    for k in range(0, n**2, n + 1):
+    for k in np.arange(shapes) * (inputs + 1):
         # 100: changes of the set of positive residues, per pole: close poles take more than the 3 that SciPy allows
         share[:, k], _ = nnls(columns, rows[:, k], maxiter=100 * rate.size)
     share *= static / share.sum(axis=0)
-    residue = _passive(share.reshape(-1, n, n) * reference)
+    residue = share.reshape(-1, shapes, inputs) * reference
+    residue[:, :, :shapes] = _passive(residue[:, :, :shapes])
     off = np.tensordot(responses, residue, 1) - H
     error = np.abs(off).max(axis=0) / reference
     return Poles(rate, residue, error)
@@ -193,9 +213,9 @@ def _passive(residue: Array) -> Array:
     return result
 
 
-def _model(rate: Array, residue: Array, names: Sequence[str]) -> StateSpace:
-    """The system in which every shape drives its own poles, and all shapes read them."""
-    n = len(names)
-    drives = np.repeat(np.eye(n), rate.size, axis=0)
-    reads = np.hstack([residue[:, :, j].T * rate for j in range(n)])
-    return diagonal_system(np.tile(rate, n), drives, reads, tuple(names), tuple(names))
+def _model(rate: Array, residue: Array, inputs: Sequence[str]) -> StateSpace:
+    """The system in which every input drives its own poles, and all shapes read them."""
+    drives = np.repeat(np.eye(len(inputs)), rate.size, axis=0)
+    reads = np.hstack([by_input.T * rate for by_input in np.moveaxis(residue, 2, 0)])
+    outputs = tuple(inputs[: residue.shape[1]])
+    return diagonal_system(np.tile(rate, len(inputs)), drives, reads, tuple(inputs), outputs)

@@ -21,9 +21,10 @@ from thermofem.geometry.shapes import UM
 
 from .reduce import reduce
 from .shape_points import LANE, distances, lanes_of, points_of
-from .stack_green import DISTANCES, ENDLESS, HELD, Spread, Stack
+from .stack_green import DISTANCES, ENDLESS, HELD, UNIFORM, Spread, Stack
 
 SECTION = 0.2  # of the tolerance, for the mesh of a section
+OTHER = 0.08e12  # 1/m^2, relative error of a gain for w h of silicon or metal that is taken as oxide
 
 
 class Local(NamedTuple):
@@ -82,6 +83,22 @@ class Layout:
         small = (size < 0.1 * tolerance * size[:, :1]).all(axis=0)
         return omega[: small.argmax() + 1]
 
+    def ambient(self, omega: Array) -> tuple[Complex, Array]:
+        """Rise of each shape per kelvin of the ambient, shape (frequencies, N), by the bare stack, and its error.
+
+        With h of each side H = sum of h g, which is 1 at rest.
+        """
+        s = np.asarray(1j * omega, dtype=complex)
+        lowest, *_, highest = self.stack.edges.tolist()
+        sides = ((lowest, self.stack.bottom), (highest, self.stack.top))
+        H = np.zeros((omega.size, len(self.shapes)), dtype=complex)
+        for k, shape in enumerate(self.shapes):
+            for z, exchange in sides:
+                (g,) = self.stack.green(UNIFORM, s, Spread(z, z), _spread(shape)).T
+                H[:, k] += exchange * g
+        area = [sum(part.breadth * part.height for part in shape.section.parts) for shape in self.shapes]
+        return H, OTHER * np.array(area)
+
     def response(self, omega: Array) -> tuple[Complex, Array]:
         """H(i omega) in K/W, shape (frequencies, N, N), and its error in K/W, shape (N, N), without that of the fit."""
         s = np.asarray(1j * omega, dtype=complex)
@@ -109,13 +126,12 @@ class Layout:
         return H, error + self._neglected() * np.abs(H[0])
 
     def _neglected(self) -> Array:
-        """Relative error of each gain by the bends of shapes along each other, or by the metal or silicon of others."""
+        """Relative error of each gain by bends (w h/R^2) of shapes along each other, or by what others are made of."""
         area = np.array([shape.width * shape.drawn.height for shape in self.shapes])
         bend = np.array([shape.bend for shape in self.shapes])
         both = np.add.outer(area, area) * (1 - np.eye(area.size) / 2)
         tightest = np.minimum.outer(bend, bend)
-        # error of a gain: w h/R^2 of a bend; 0.08e12 1/m^2 times the sum of their w h between shapes apart
-        return np.where(self.along > 0, both / tightest**2, 0.08e12 * both)
+        return np.where(self.along > 0, both / tightest**2, OTHER * both)
 
     def _differences(self, s: Complex) -> dict[tuple[int, int], Complex]:
         """Z - Y in K m/W of each pair that runs along each other, equal sections once."""

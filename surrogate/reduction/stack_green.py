@@ -27,7 +27,7 @@ import numpy as np
 from scipy.fft import fht, fhtoffset
 from scipy.linalg import eigh
 
-from thermofem import CrossSection
+from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, Complex
 
 HELD = 1e30  # W/(m^2 K), of an isothermal side
@@ -36,6 +36,11 @@ NEAREST, FARTHEST = 1e-14, 1e4  # m, range of the transform, which takes both en
 DISTANCES = 8192  # of the distances: 455 a decade, between which linear interpolation errs by 3e-6
 TAIL_OF_GAUSS = 7.0  # k sigma beyond which exp(-(k sigma)^2) is below 1e-21
 UNIFORM = np.array([1e-3])  # 1/m, k of heat that is uniform in the plane
+
+
+def _exchange(side: Boundary) -> float:
+    """Heat transfer coefficient of a side in W/(m^2 K); `HELD` for an isothermal one."""
+    return HELD if side.kind == "isothermal" else side.exchange
 
 
 class Spread(NamedTuple):
@@ -77,8 +82,9 @@ class Stack:
         """The stack of a section."""
         layers = [section.material_of(layer.name).at(section.ambient) for layer in section.layers]
         along, across, capacity = np.transpose(layers)
-        bottom, top = (HELD if side.kind == "isothermal" else side.exchange for side in (section.bottom, section.top))
-        return cls(np.array(section.layer_edges), along, across, capacity, bottom, top, section.bottom.kind == "open")
+        edges = np.array(section.layer_edges)
+        endless = section.bottom.kind == "open"
+        return cls(edges, along, across, capacity, _exchange(section.bottom), _exchange(section.top), endless)
 
     @cached_property
     def slowest(self) -> float:

@@ -419,6 +419,34 @@ def test_a_linear_circuit_on_a_layout_steps_as_its_heat(chip):
         assert rise == pytest.approx(channel.step_response(times), rel=1e-5, abs=1e-7 * chip.crosstalk[0, 0])
 
 
+def test_the_ambient_reaches_a_ring_as_in_the_fem_of_its_section():
+    """1 at rest, exactly; from the FEM it differs by what core and heater store, which the bound has."""
+    shapes = [
+        th.racetrack("ring 1", HEATED),
+        th.racetrack("heater 1", HEATED, part="heater"),
+        th.racetrack("ring 2", HEATED, at=(30e-6, 0.0)),
+    ]
+    layout = surrogate.reduce_layout(shapes, ambient=True)
+    assert layout.model.inputs == ("ring 1", "heater 1", "ring 2", "ambient")
+    assert layout.passive
+    # 1e-12: round-off
+    np.testing.assert_allclose(layout.crosstalk[:, 3], 1.0, rtol=1e-12)
+    section = th.assemble(HEATED, 1e-3).channels("ambient", ("core", "heater"))
+    for omega in (3e4, 1e5, 1e6):
+        ours = impedance(layout.model, omega)[:, 3]
+        for k, name in enumerate(("core", "heater", "core")):
+            exact = section.channel("ambient", name).impedance([omega / (2 * math.pi)])[0]
+            # of a kelvin; 1.6 % are measured in the heater
+            assert abs(ours[k] - exact) < layout.channel_bounds[k, 3] < 0.03
+    run = coupled.simulate(
+        coupled.borghi2021(), layout, power=1e-9, ambient=0.5, heated="ring 2", duration=400e-6, rtol=1e-4
+    )
+    # 2e-3: after 40 of the slowest time constants; rtol
+    assert float(run.delta_T[-1]) == pytest.approx(0.5, rel=2e-3)
+    with pytest.raises(th.InputError, match="no ambient reaches a chip on an open bottom"):
+        surrogate.reduce_layout([th.racetrack("ring", GUIDE.opened())], ambient=True)
+
+
 def test_a_made_ring_is_told_that_a_layout_reads_the_core(chip):
     """Its dn_eff/dT goes with the temperature of its light, and the ambient is no input of a layout."""
     made = coupled.ring_from(th.strip_ring(radius=5e-6), wavelength=1.55e-6, loss=161.0, coupling=0.05).ring

@@ -11,8 +11,7 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from surrogate.reduction.racetrack_reduction import reduce_racetrack
-from thermofem_cli.results.racetracks import say_racetrack_sheets
+from surrogate.reduction.racetrack_reduction import racetrack_sheets, reduce_racetrack
 
 LIGHT = th.geometry.Guide(part="core", wavelength=1.55e-6)
 PAPER = replace(th.strip_ring(radius=7e-6), straight=3e-6, light=LIGHT)  # Borghi et al. 2021: 7 um and 3 um
@@ -29,11 +28,11 @@ def test_without_straights_it_is_the_circle():
     circle = th.assemble(replace(th.strip_ring(outer_radius=90e-6), light=LIGHT), 1e-4)
     exact = [circle.thermal_resistance("core"), circle.thermal_resistance("core", "light")]
     nearly = reduce_racetrack(replace(th.strip_ring(), straight=1e-9, light=LIGHT))
-    assert nearly.model.outputs == ("core", "light")
+    assert nearly.outputs == ("core", "light")
     # 1e-3: the mesh of the section has 2e-4 of R_th, the bend 4e-4 (measured), the poles 1e-4 of R_th
-    np.testing.assert_allclose(nearly.model.gain[:, 0], exact, rtol=1e-3)
+    np.testing.assert_allclose(nearly.gain[:, 0], exact, rtol=1e-3)
     # 2e-4: the bend shifts the mode in the core, and both meshes have 1e-4
-    ratio = nearly.model.gain[1, 0] / nearly.model.gain[0, 0]
+    ratio = nearly.gain[1, 0] / nearly.gain[0, 0]
     assert ratio == pytest.approx(exact[1] / exact[0], abs=2e-4)
     assert ratio < 1 - 5e-4  # the light sees another temperature than the core's mean
 
@@ -42,7 +41,7 @@ def test_the_ring_of_the_paper_over_the_circle_of_its_length(paper):
     circle = th.racetrack("ring", th.straight_guide(), radius=PERIMETER / (2 * math.pi), straight=0.0)
     equal = surrogate.reduce_layout([circle]).model.gain[0, 0]
     # 1.0010: a computation of the path by another Green function; 2e-4 for the smoothing and the sums of either
-    assert paper.model.gain[0, 0] / equal == pytest.approx(1.0010, abs=2e-4)
+    assert paper.gain[0, 0] / equal == pytest.approx(1.0010, abs=2e-4)
 
 
 def test_a_ring_file_has_the_perimeter():
@@ -89,7 +88,7 @@ def test_a_heater_follows_the_racetrack():
         for radius in (7e-6, PERIMETER / (2 * math.pi))
     )
     made = reduce_racetrack(replace(th.heated_ring(radius=7e-6), straight=3e-6))
-    gain = made.model.gain[0, 1]
+    gain = made.gain[0, 1]
     assert equal < gain * 1.01 < small
     # 1 %: 1e-3 of the shape, the error of the mesh, and the bends of a wide heater (bound 0.5 %)
     assert gain == pytest.approx(equal, rel=0.01)
@@ -132,7 +131,7 @@ def test_solve_follows(tmp_path, paper):
     assert "R_th of core = 7.8" in done.stdout
     data = th.load(tmp_path / "heat.nc")
     for name in ("core", "light"):
-        rise = 2e-3 * paper.model.channel(read=name).step_response(data["time"].values)
+        rise = 2e-3 * paper.channel(read=name).step_response(data["time"].values)
         # one model, by two routes: the step of a StateSpace has rtol = 1e-5
         np.testing.assert_allclose(data["delta_T"].sel(probe=name), rise, rtol=1e-5, atol=1e-12)
     periodic = "--square", "1 us", "--periodic", "--samples", "50", "-o", "period.nc"
@@ -153,7 +152,7 @@ def test_show_and_ring_print_the_data_sheet_of_a_racetrack(tmp_path):
     sheet = json.loads(done.stdout)["heaters"]["heater"]
     mode = th.light(section).mode()
     spacing = 299792458 / (mode.n_g * PERIMETER)
-    gain = reduce_racetrack(section).model.channel("heater", "light").thermal_resistance
+    gain = reduce_racetrack(section).channel("heater", "light").thermal_resistance
     assert sheet["fsr_power"] == pytest.approx(spacing * 1.55e-6 / 299792458 / mode.thermo_optic / gain, rel=1e-6)
     part = next(part for part in section.parts if part.name == "heater")
     area = (part.outer_radius - part.inner_radius) * part.height
@@ -164,20 +163,20 @@ def test_show_and_ring_print_the_data_sheet_of_a_racetrack(tmp_path):
     assert json.loads(ring.stdout)["heaters"]["heater"] == pytest.approx(sheet, rel=1e-6)
 
 
-def test_the_data_sheet_of_a_racetrack_is_that_of_the_mode_asked_for(capsys):
+def test_the_data_sheet_of_a_racetrack_is_that_of_the_mode_asked_for(caplog):
     """TM0 of a file whose [light] is TE: the rise where TM0 runs. Without heat in the core there is no such rise."""
     heated = replace(th.heated_ring(radius=7e-6), straight=3e-6)
     section = replace(heated, light=LIGHT)
     vertical = replace(heated, light=replace(LIGHT, polarisation="TM"))
-    sheet = say_racetrack_sheets(section, th.light(section).mode("TM0"))["heaters"]["heater"]
-    gain = reduce_racetrack(vertical).model.channel("heater", "light").thermal_resistance
+    sheet = racetrack_sheets(section, th.light(section).mode("TM0"))["heater"]
+    gain = reduce_racetrack(vertical).channel("heater", "light").thermal_resistance
     # 1e-6: the same computation; TE0 sees another rise by 3e-4
     assert sheet["thermal_resistance"] == pytest.approx(gain, rel=1e-6)
     core, heater = section.parts
     lower = replace(heater, name="lower", bottom=heater.bottom - 0.5e-6)
     dark = replace(section, parts=(replace(core, heated=False), heater, lower))
-    assert say_racetrack_sheets(dark) == {}
-    assert "no data sheet of heaters: the light is read beside the heat of 'core'" in capsys.readouterr().err
+    assert racetrack_sheets(dark) == {}
+    assert "no data sheet of heaters: the light is read beside the heat of 'core'" in caplog.text
 
 
 def test_reduce_ring_and_simulate_follow(tmp_path, paper):
@@ -186,7 +185,7 @@ def test_reduce_ring_and_simulate_follow(tmp_path, paper):
     assert made.returncode == 0, made.stderr
     assert "49.982 um" in made.stdout
     model = surrogate.load_model(tmp_path / "model.json")
-    np.testing.assert_allclose(model.gain, paper.model.gain, rtol=1e-9)
+    np.testing.assert_allclose(model.gain, paper.gain, rtol=1e-9)
     ring = commands.thermofem("ring", "ring.toml", "--coupling", "0.05", "-o", "optics.toml", cwd=tmp_path)
     assert ring.returncode == 0, ring.stderr
     run = commands.thermofem(

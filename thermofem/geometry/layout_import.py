@@ -66,14 +66,11 @@ def read_layout(
     if isinstance(path, str | Path):
         source = files.regular(path, "layout")
         if source.suffix.lower() == ".toml":
-            folder = source.parent
-            shapes: tuple[Shape, ...] = files.read_toml(source, "layout", lambda text: _of_text(text, folder))
-            return shapes
+            return files.read_toml(source, "layout", lambda text: _of_text(text, source.parent))
         drawing = _drawn(source, *_with_heights(layers, section))
-    elif layers is None and section is None:
-        drawing = drawn_component(path)
     else:
-        drawing = drawn_component(path, *_with_heights(layers, section))
+        of_pdk = layers is None and section is None
+        drawing = drawn_component(path) if of_pdk else drawn_component(path, *_with_heights(layers, section))
     drawn = tuple(_shapes(drawing))
     log.info("%s: %s", drawing.source, ", ".join(shape.name for shape in drawn))
     return drawn
@@ -105,15 +102,12 @@ def _drawn(path: Path, layers: Mapping[str, tuple[int, int]], section: CrossSect
         raise checks.InputError(f"{path} is no GDS file that gdstk can read, or has no cell")
     unit = library.unit * UM
     cells = library.top_level()
-    polygons: dict[str, list[shapely.Polygon]] = {}
+    polygons = {}
     for part, (layer, datatype) in layers.items():
-        polygons[part] = []
-        for cell in cells:
-            for drawn in cell.get_polygons(layer=layer, datatype=datatype):
-                area = shapely.Polygon(drawn.points * unit)
-                polygons[part].append(area.buffer(0))
-        if not polygons[part]:
+        drawn = [area for cell in cells for area in cell.get_polygons(layer=layer, datatype=datatype)]
+        if not drawn:
             raise checks.InputError(f"{path} has no polygon on layer {layer}/{datatype}, that of {part!r}")
+        polygons[part] = [shapely.Polygon(area.points * unit).buffer(0) for area in drawn]
     labels = []
     instances = []
     for cell in cells:
@@ -135,8 +129,7 @@ def _shapes(drawing: Drawing) -> Iterable[Shape]:
         checks.choice("layers: part", part, drawing.section.heated)
         merged = shapely.union_all(polygons, grid_size=1e-4)
         areas = [area for area in getattr(merged, "geoms", [merged]) if area.area]
-        thick = next(one.height for one in drawing.section.parts if one.name == part) * UM
-        areas = _without_buses(areas, part, thick)
+        areas = _without_buses(areas, part, drawing.section.part(part).height * UM)
         names = [_name(area, drawing) for area in areas]
         names = [part if not name else name if part == first else f"{name} {part}" for name in names]
         repeated = Counter(names)
@@ -153,8 +146,7 @@ def _without_buses(areas: list[shapely.Polygon], part: str, thick: float) -> lis
     rings = shapely.union_all([area for area in areas if area.interiors])
     shapes = []
     for area in sorted(areas, key=lambda area: area.bounds[:2]):
-        beside_ring = rings.area and area.distance(rings) < thick
-        if beside_ring and not area.interiors:
+        if area.distance(rings) < thick and not area.interiors:
             log.info("a bus of %r at x = %.4g um is left out", part, area.bounds[0])
         else:
             shapes.append(area)
@@ -174,14 +166,9 @@ def _name(area: shapely.Polygon, drawing: Drawing) -> str:
 def _outline(area: shapely.Polygon) -> Array:
     """Corners in m of a polygon; of one with a hole cut open at its first corner."""
     oriented = shapely.orient_polygons(area)
-    outer = np.asarray(oriented.exterior.coords)
-    if not oriented.interiors:
-        return outer[:-1] / UM
-    inner = np.asarray(oriented.interiors[0].coords)[:-1]
-    distances = np.linalg.norm(inner - outer[0], axis=1)
-    nearest = int(np.argmin(distances))
-    around = np.roll(inner, -nearest, axis=0)
-    return np.concatenate([outer, around, around[:1]]) / UM
+    rings = [oriented.exterior, *oriented.interiors]
+    corners = shapely.get_coordinates(rings)
+    return np.concatenate([corners, corners[:1]]) / UM
 
 
 def _of_text(text: str, folder: Path) -> tuple[Shape, ...]:

@@ -82,16 +82,17 @@ class StateSpace:
     @property
     def without_ambient(self) -> StateSpace:
         """The same system under a constant ambient."""
-        kept = [name != AMBIENT for name in self.inputs]
-        return self if all(kept) else replace(self, B=self.B[:, kept], inputs=self.heated)
+        return self if AMBIENT not in self.inputs else self.channels(self.heated, self.outputs)
 
     def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
         """The subsystem of one input and one output (default: the first of each)."""
-        heated = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
-        read = checks.choice("read", read, self.outputs, default=self.outputs[0])
-        B = self.B[:, [self.inputs.index(heated)]]
-        C = self.C[[self.outputs.index(read)]]
-        return StateSpace(self.E, self.A, B, C, (heated,), (read,), self.origin)
+        return self.channels((heated or self.inputs[0],), (read or self.outputs[0],))
+
+    def channels(self, heated: Sequence[str], read: Sequence[str]) -> StateSpace:
+        """The subsystem of some inputs and outputs, in this order."""
+        columns = [self.inputs.index(checks.choice("heated", name, self.inputs)) for name in heated]
+        rows = [self.outputs.index(checks.choice("read", name, self.outputs)) for name in read]
+        return replace(self, B=self.B[:, columns], C=self.C[rows], inputs=tuple(heated), outputs=tuple(read))
 
     def of_rings(self, names: Sequence[str]) -> StateSpace:
         """The same system with only the outputs ``names``, whose inputs come first; of an array itself.
@@ -101,10 +102,7 @@ class StateSpace:
         """
         if len(self.outputs) == len(names) or not {*names} <= {*self.outputs} & {*self.inputs}:
             return self
-        inputs = (*names, *(name for name in self.inputs if name not in names))
-        columns = [self.inputs.index(name) for name in inputs]
-        rows = [self.outputs.index(name) for name in names]
-        return replace(self, B=self.B[:, columns], C=self.C[rows], inputs=inputs, outputs=tuple(names))
+        return self.channels((*names, *(name for name in self.inputs if name not in names)), names)
 
     @cached_property
     def gain(self) -> Array:

@@ -24,10 +24,10 @@ def steady_rises(heat: th.fem.HeatProblem, data: xr.Dataset, power: float | None
     return rises
 
 
-def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) -> dict[str, Any]:
+def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float] | None = None) -> dict[str, Any]:
     """Print and return R_th of every output and, for a step of ``power`` in W, its rise time from 10 to 90 %.
 
-    steady: rise of every output at rest under the step, in K.
+    steady: rise of every output at rest under the step, in K; default R_th times the power.
     """
     a = data.attrs
     times = data["time"].values
@@ -35,6 +35,7 @@ def say_heat(data: xr.Dataset, power: float | None, steady: dict[str, float]) ->
     names = a["read"].split(", ")
     resistances = dict(zip(names, np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"])), strict=True))
     rises = dict(zip(names, np.atleast_2d(data["delta_T"].transpose(..., "time")), strict=True))
+    steady = steady or {name: R * (power or 0.0) for name, R in resistances.items()}
     rise_times: dict[str, float | None] = {}
     for name, R in resistances.items():
         of = name if name == source else f"{name} heated by {source}"

@@ -1,27 +1,48 @@
 """Reductions of arrays and layouts, as ``reduce`` writes and prints them."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import surrogate
 import thermofem as th
 from surrogate.reduction.array_reduction import ArrayReduction
+from surrogate.studies.inverse_search import channel_steps
 from thermofem import InputError
 from thermofem.data import files, quantity
 
-from ..console import say, working
+from ..console import say, working, written
 
 LEAST_TOLERANCE = 1e-3  # of layouts and racetracks: bends and neighbours, which they neglect, leave about that
 
 
-def over_channels(
-    rows: list[dict[str, Any]], inputs: list[str], outputs: list[str], name: str
-) -> float | list[list[float]]:
+def written_channels(
+    model: Any, what: str, error_bound: float, provenance: Mapping[str, Any], output: Path
+) -> dict[str, Any]:
+    """Write a reduced model of one ring, print and return the numbers of its channels; ``what`` it was made of."""
+    surrogate.save_model(model, output, provenance=provenance)
+    say(f"{what}, error of Z(f) below {error_bound:.1e} of R_th everywhere")
+    rows = channel_steps(model) or []
+    for row in rows:
+        of = "" if len(rows) == 1 else f" from {row['heated']} to {row['read']}"
+        say(f"R_th = {row['thermal_resistance'] / 1e3:.4g} K/mW{of}, rise 10-90 % in {written(row['rise_time'], 's')}")
+    return {
+        "poles": model.order,
+        "error_bound": error_bound,
+        "heated": list(model.inputs),
+        "read": list(model.outputs),
+        "thermal_resistance": _over_channels(rows, len(model.inputs), "thermal_resistance"),
+        "rise_time": _over_channels(rows, len(model.inputs), "rise_time"),
+        "model": output,
+    }
+
+
+def _over_channels(rows: list[dict[str, Any]], inputs: int, name: str) -> float | list[list[float]]:
     """Return the quantity ``name`` of all channels: a number if there is one, else a list (over inputs) per output."""
     values = [row[name] for row in rows]
     if len(values) == 1:
         return float(values[0])
-    return [values[k * len(inputs) : (k + 1) * len(inputs)] for k in range(len(outputs))]
+    return [values[k : k + inputs] for k in range(0, len(values), inputs)]
 
 
 def reduced_array(
@@ -60,6 +81,21 @@ def _written(array: ArrayReduction, output: Path, size: str, where: str = "") ->
         "thermal_resistance": array.crosstalk.tolist(),
         "model": output,
     }
+
+
+def reduced_racetrack(
+    section: th.CrossSection, tolerance: float, heated: list[str], read: list[str], output: Path
+) -> dict[str, Any]:
+    """Reduce a ring with [plan] straight: inputs its heated parts, outputs the same and the light."""
+    from surrogate.reduction.racetrack_reduction import reduce_racetrack
+
+    with working("solving the section and the path of the racetrack"):
+        model = reduce_racetrack(section, max(tolerance, LEAST_TOLERANCE), heated, read)
+    origin = model.origin or {}
+    length = quantity.rounded(section.path_length(section.first_heated.centre), "m", 5)
+    return written_channels(
+        model, f"racetrack of {length}: {model.order} states", origin["error_bound"], origin, output
+    )
 
 
 def _places(path: Path) -> list[tuple[float, float]]:

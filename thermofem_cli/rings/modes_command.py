@@ -147,12 +147,12 @@ def ring(
 
     import coupled
     import thermofem as th
+    from surrogate.reduction.racetrack_reduction import racetrack_sheets
     from thermofem.data import files, quantity
 
     from ..inputs.command_files import section_of
     from ..inputs.drive_texts import wavelength_of
-    from ..results.heater_sheets import say_sheets
-    from ..results.racetracks import say_racetrack_sheets
+    from ..results.heater_sheets import say_each, say_sheets
 
     section = section_of(geometry)
     if loss is None and (section.light is None or section.light.loss is None):
@@ -181,7 +181,9 @@ def ring(
     say(f"bus: {computed.origins['bus_rate']}")
     sheets: dict[str, Any] = {}
     if section.straight:
-        sheets = say_racetrack_sheets(section, computed.mode)
+        with working("solving the heat"):
+            of_heaters = racetrack_sheets(section, computed.mode)
+        sheets = say_each(section, of_heaters)
     elif len(section.heated) > 1:
         with working("solving the heat"):
             heat = th.assemble(replace(section, light=None)).with_light(computed.mode)
