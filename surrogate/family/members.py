@@ -92,9 +92,9 @@ class HeldOut(float):
         self.count = count
         return self
 
-    def __getnewargs__(self) -> tuple[float, float, int]:
-        """What `__new__` takes when a family is sent to a worker process."""
-        return self.worst, self.median, self.count
+    def __reduce__(self) -> tuple[type[HeldOut], tuple[float, float, int]]:
+        """How it is made again in a worker process."""
+        return HeldOut, (self.worst, self.median, self.count)
 
     def __repr__(self) -> str:
         numbers = f"worst={self.worst:.2g}, median={self.median:.2g}, count={self.count}"
