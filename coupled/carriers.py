@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from thermofem import checks, dataset
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
@@ -48,7 +48,7 @@ class ConstantLifetime:
         """The lifetime tau in s."""
         return self.tau
 
-    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+    def lifetime(self, density: ArrayLike) -> Array:
         """The lifetime tau in s, as an array of the shape of ``density``."""
         return np.full(checks.numbers("density", density).shape, float(self.tau))
 
@@ -129,7 +129,7 @@ class ShockleyReadHall:
         """Coefficient b in tau(N) = tau0 (1 + a N)/(1 + b N), in m^3."""
         return 1 / self._weighted[1]
 
-    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+    def lifetime(self, density: ArrayLike) -> Array:
         """tau(N) in s at the excess density ``density`` in 1/m^3, shape of ``density``."""
         N = checks.numbers("density", density)
         return np.asarray(self.tau0 * (1 + self.a * N) / (1 + self.b * N))
@@ -183,21 +183,10 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     checks.between("times[0]", t[0], 0, 1, unit="s", hint="times count from the pulse on")
     checks.between("times[-1]", t[-1], 0, 1, unit="s", hint="did you mean 50e-9 for 50 ns?")
     N = _density(t, N0, carriers.tau0, carriers.a, carriers.b)
-    about = {"units": "s", "long_name": "carrier lifetime"}
-    return xr.Dataset(
-        {
-            "carriers": ("time", N, dataset.describe("carriers")),
-            "lifetime": ("time", carriers.lifetime(N), about),
-        },
-        coords={"time": ("time", t, dataset.describe("time"))},
-        attrs={
-            "kind": "carrier decay",
-            "initial_density": N0,
-            "tau0": carriers.tau0,
-            "a": carriers.a,
-            "b": carriers.b,
-        },
-    )
+    columns = {"time": t, "carriers": N, "lifetime": carriers.lifetime(N)}
+    law = {name: getattr(carriers, name) for name in ("tau0", "a", "b")}
+    attrs = {"kind": "carrier decay", "initial_density": N0, **law}
+    return xr.Dataset(dataset.variables("time", columns), attrs=attrs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,15 @@
 import functools
 import logging
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.constants import c
 
 from thermofem import CrossSection, Foster, InputError, OutputMap, Quadratic, checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike, Mask
 from thermofem.fem import HeatProblem
 from thermofem.geometry.section_parts import LIGHT
 from thermofem.models import ThermalModel, two_kinds
@@ -23,6 +24,7 @@ from .ring_toml import SILICON
 log = logging.getLogger("thermofem")
 
 Compact = OutputMap | Quadratic
+Heaters: TypeAlias = Mapping[str, Any] | None  # of further inputs: power (W), `Volts` or `Amperes` by name
 
 LARGEST_QUADRATIC = 60  # states
 NEEDED = (
@@ -124,7 +126,7 @@ def top_of(model: Any) -> float:
     return float(getattr(bare(model), "top", np.inf))
 
 
-def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArray[np.bool_]]:
+def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, Mask]:
     """Times (s) at which a run is computed, shape (n,), and a mask of those that are the requested ``times``.
 
     4001 times are added for a model whose temperature rise is checked (`trusted`), so that no short peak is missed.
@@ -186,21 +188,40 @@ def check_ports(
     ring: RingResonator, model: Any, heated: str, read: str, *, chosen: bool = False
 ) -> dict[str, Any]:  # fmt: skip
     """`check_model` for the input ``heated`` and the output ``read``, which the caller may have ``chosen``."""
-    found: dict[str, Any] = check_geometry(ring, model)
-    also = check_read(ring, geometry_of(model), heated, read, mode=mode_of(model), chosen=chosen)
-    warnings = [one["warning"] for one in (found, also, _beyond(model)) if "warning" in one]
-    return found | also | ({"warning": "; ".join(warnings)} if warnings else {})
+    doubts = [
+        check_geometry(ring, model),
+        check_read(ring, geometry_of(model), heated, read, mode=mode_of(model), chosen=chosen),
+        _told(_beyond(model)),
+    ]
+    warnings = [each["warning"] for each in doubts if "warning" in each]
+    return doubts[1] | _warning("; ".join(warnings))
 
 
-def _beyond(model: Any) -> dict[str, str]:
-    """Warning, also logged, of tables k(T) and c_p(T) that a model leaves, as {"warning": text}; {} of none."""
-    origins = (getattr(one, "origin", None) or {} for one in (model, bare(model)))
+def _told(text: str) -> dict[str, str]:
+    """Log a warning; return it as an attribute."""
+    if text:
+        log.warning("%s", text)
+    return _warning(text)
+
+
+def _warning(text: str) -> dict[str, str]:
+    return {"warning": text} if text else {}
+
+
+def _origins(model: Any) -> list[dict[str, Any]]:
+    """What a model, and the one that it holds, say about what they were made from."""
+    return [getattr(one, "origin", None) or {} for one in (model, bare(model))]
+
+
+def _beyond(model: Any) -> str:
+    """A sentence on tables k(T) and c_p(T) that a model leaves, or an empty string."""
     text = geometry_of(model)
-    stated = [str(origin["warning"]) for origin in origins if "warning" in origin]
-    beyond = _beyond_laws(text) if text else next(iter(stated), "")
-    if beyond:
-        log.warning("%s", beyond)
-    return {"warning": beyond} if beyond else {}
+    return _beyond_laws(text) if text else _stated(model, "warning")
+
+
+def _stated(model: Any, key: str) -> str:
+    """What the origin of a model says under a key; empty where it does not."""
+    return next((str(origin[key]) for origin in _origins(model) if origin.get(key)), "")
 
 
 @functools.lru_cache(64)
@@ -227,20 +248,19 @@ def check_geometry(ring: RingResonator, model: Any) -> dict[str, str]:
     Raises InputError: parameters of a silicon ring for a core of another material.
     """
     text = geometry_of(model)
-    found = _contradiction(ring, text) if text else ""
-    if found:
-        log.warning("%s", found)
-    return {"warning": found} if found else {}
+    return _told(_contradiction(ring, text) if text else "")
 
 
 def geometry_of(model: Any) -> str:
     """Text of the geometry of a model; empty where it is not known."""
+    section = getattr(model, "geometry", None) or _base_of(model)
+    return section.to_toml() if isinstance(section, CrossSection) else _stated(model, "geometry")
+
+
+def _base_of(model: Any) -> Any:
+    """The geometry file of a family, or of the one that a model is of; None of others."""
     family = getattr(model, "family", model)
-    section = getattr(model, "geometry", None) or getattr(getattr(family, "box", None), "base", None)
-    if isinstance(section, CrossSection):
-        return section.to_toml()
-    origins = (getattr(one, "origin", None) for one in (model, bare(model)))
-    return next((str(one["geometry"]) for one in origins if one and one.get("geometry")), "")
+    return getattr(getattr(family, "box", None), "base", None)
 
 
 def mode_of(model: Any) -> GuidedMode | None:
@@ -248,13 +268,12 @@ def mode_of(model: Any) -> GuidedMode | None:
     if isinstance(model, HeatProblem):
         mode = model.light
         return None if mode is None else GuidedMode(mode.name, mode.wavelength)
-    family = getattr(model, "family", model)
-    section = getattr(getattr(family, "box", None), "base", None)
+    section = _base_of(model)
     if isinstance(section, CrossSection):
         own = section.light
-        return GuidedMode(own.mode, own.wavelength) if own is not None and LIGHT in family.outputs else None
-    stated = (GuidedMode.of_origin(getattr(one, "origin", None)) for one in (model, bare(model)))
-    return next((mode for mode in stated if mode is not None), None)
+        reads = LIGHT in getattr(model, "family", model).outputs
+        return GuidedMode(own.mode, own.wavelength) if own is not None and reads else None
+    return next(filter(None, map(GuidedMode.of_origin, _origins(model))), None)
 
 
 def without_origin(model: Any) -> Any:

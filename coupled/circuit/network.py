@@ -72,16 +72,17 @@ class Light:
         return replace(self, from_delay=self.from_delay * turn, seen_delay=self.seen_delay * turn)
 
 
-def light_of(circuit: Circuit) -> Light:
+def light_of(circuit: Circuit, offset: float | None = None) -> Light:
     """Eliminate the waveguides of a circuit, in the frame of its reference frequency.
 
-    Raises InputError: a resonant loop of waveguides without delay and without loss, for which 1 - C S is singular.
+    offset [Hz]: of steady light above that frequency, for which a delay is a phase; None keeps the delays.
+    Raises InputError: a resonant loop of waveguides without loss, for which 1 - C S is singular.
     """
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
     n = len(circuit.names)
     size = len(entry)
-    late = [w for w in circuit.waveguides if w.delay > 0]
+    late = [w for w in circuit.waveguides if w.delay > 0 and offset is None]
     lossy = [w for w in circuit.waveguides if w.loss > 0]
     sources: list[Any] = [*circuit.lasers, *late]
     K = np.zeros((size, n), dtype=complex)
@@ -97,24 +98,24 @@ def light_of(circuit: Circuit) -> Light:
         ports = slice(2 * k, 2 * k + 2)
         S[ports, ports] = [[straight, cross], [cross, straight]]
     for w in circuit.waveguides:
-        if w.delay == 0:
-            C[entry[w.stop], exit[w.start]] = w.transmission
+        if w not in late:
+            C[entry[w.stop], exit[w.start]] = w.transmission * np.exp(-2j * np.pi * (offset or 0.0) * w.delay)
     for k, source in enumerate(sources):
         ED[entry[source.stop], k] = source.transmission
     around = np.eye(size) - C @ S
     if np.linalg.norm(around, -2) < PILED:
         raise InputError(
-            "the waveguides form a loop without delay and without loss in which light piles up; "
-            "give one of them a delay, a loss or another phase"
+            "the waveguides form a loop without loss in which light piles up; give one of them a loss, a delay or "
+            "another phase"
         )
     inside = np.linalg.solve(around, np.hstack([C @ (1j * K), ED]))
     from_ring, from_laser, from_delay = np.split(inside, [n, n + len(circuit.lasers)], axis=1)
-    terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
+    observed = [(w.start, 0.0, 0.0) for w in late]
+    for terminal, bandwidth in zip(circuit.outputs.values(), circuit.bandwidths, strict=True):
+        observed.append((terminal, 0.0, 2 * np.pi * bandwidth))
+    observed += [(w.start, 1 - abs(w.transmission) ** 2, 0.0) for w in lossy]
+    terminals, lost, corner = zip(*observed, strict=True)
     rows = [exit[name] for name in terminals]
-    lost = np.zeros(len(rows))
-    lost[len(rows) - len(lossy) :] = [1 - abs(w.transmission) ** 2 for w in lossy]
-    bandwidth = np.zeros(len(rows))
-    bandwidth[len(late) : len(rows) - len(lossy)] = circuit.bandwidths
     return Light(
         between=1j * K.T @ from_ring,
         from_laser=K.T @ from_laser,
@@ -124,8 +125,8 @@ def light_of(circuit: Circuit) -> Light:
         seen_delay=(S @ from_delay)[rows],
         terminals=terminals,
         delay=np.array([w.delay for w in late]),
-        lost=lost,
-        corner=2 * np.pi * bandwidth,
+        lost=np.array(lost),
+        corner=np.array(corner),
     )
 
 
@@ -267,11 +268,7 @@ def _of_array(system: StateSpace, resonators: Sequence[RingResonator], names: Se
         )
     rate, B, C = _modes(model, system.C[[system.outputs.index(name) for name in sensors]])
     places = model.outputs
-    if {*places} == {*names} and places == model.inputs[:rings]:
-        order = [places.index(name) for name in names]
-        B = B[:, [*order, *range(rings, len(model.inputs))]]
-        C = C[[*order, *range(rings, len(C))]]
-    elif places != tuple(f"ring {k + 1}" for k in range(rings)):
+    if places not in (tuple(names), tuple(f"ring {k + 1}" for k in range(rings))):
         log.warning("thermal is of %s: they stand for the rings %s, in this order", ", ".join(places), ", ".join(names))
     scale = np.abs(model.gain).max()
     heated = []  # states that each input heats

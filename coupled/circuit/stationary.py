@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from thermofem import InputError, checks, dataset
-from thermofem.arrays import Array, Complex
+from thermofem.arrays import Array, Complex, Indices
 
 from ..heaters import heating
 from ..inputs import check_axis
@@ -17,14 +17,13 @@ from ..kernel.integrator import Problem
 from ..kernel.rates import absorbed_power, field_loss, steady_carriers
 from ..kernel.tableaus import Method
 from ..resistive_heaters import at_rest
-from ..thermal import trusted
+from ..thermal import Heaters, trusted
 from .circuit import Circuit
-from .network import Light, light_of, ring_heat
+from .network import light_of, ring_heat
 from .system import System, as_dataset, system_of
 
 ITERATIONS, SWEEPS, RAMP = 60, 40, 30
 WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
-RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
 
 def circuit_steady_states(
@@ -32,7 +31,7 @@ def circuit_steady_states(
     thermal: Any,
     power: Mapping[str, float],
     detuning: float = 0.0,
-    heaters: Mapping[str, Any] | None = None,
+    heaters: Heaters = None,
     starts: int = 100,
     seed: int = 0,
 ) -> xr.Dataset:
@@ -74,9 +73,7 @@ def _energy(light: Array) -> float:
     return float(np.sum(light[0::3] ** 2 + light[1::3] ** 2))
 
 
-def autonomous(
-    circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
-) -> System:
+def autonomous(circuit: Circuit, thermal: Any, power: Mapping[str, Any], heaters: Heaters, detuning: Any) -> System:
     """The system of a circuit under constant light of one frequency; InputError for varying light or with delays."""
     powers = checks.mapping("power", power, hint="give powers by the lasers' names, {'in': 1e-3}")
     numbers = {f"power[{name!r}]": watts for name, watts in powers.items()} | {"detuning": detuning}
@@ -189,16 +186,19 @@ def described(system: System, points: list[Array]) -> xr.Dataset:
     states = states[["energy", "carriers", "delta_T", "absorbed", "output"]].drop_vars("time")
     states = states.rename_dims(time="state").transpose("state", "ring", "port")
     values = np.array([np.linalg.eigvals(problem.slopes(state)[1]) for state in y]).reshape(y.shape)
-    leading = values.real.argmax(axis=1)
-    first = np.take_along_axis(values, leading[:, None], axis=1)[:, 0]
-    columns = {
-        "growth_rate": first.real / eq.NS,
-        "frequency": np.abs(first.imag) / (2 * np.pi * eq.NS),
-        "growing": (values.real > 0).sum(axis=1),
-    }
-    for name, column in columns.items():
-        states[name] = ("state", column, dataset.describe(name))
-    return states.assign_attrs(dataset.stamp("fixed points of a circuit"))
+    growth, omega, growing = leading(values)
+    columns = {"growth_rate": growth / eq.NS, "frequency": omega / (2 * np.pi * eq.NS), "growing": growing}
+    return states.assign(dataset.variables("state", columns)).assign_attrs(dataset.stamp("fixed points of a circuit"))
+
+
+def leading(values: Complex) -> tuple[Array, Array, Indices]:
+    """Return, for each row of eigenvalues: the largest real part, |Im| of that eigenvalue, and the count of Re > 0."""
+    k = values.real.argmax(axis=1)
+    first = np.take_along_axis(values, k[:, None], axis=1)[:, 0]
+    # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
+    frequency = np.abs(first.imag)
+    omega = np.where(frequency > 1e-6 * np.abs(first), frequency, 0.0)
+    return first.real, omega, (values.real > 0).sum(axis=1)
 
 
 def low_power_transmission(
@@ -227,49 +227,33 @@ def low_power_transmission(
     poles = {} if thermal is None else ring_heat(thermal, rings, circuit.names).heaters
     rises = heating(poles, rest.powers, 1.0, 1e-6, None, len(rings)).rises
     warmed = np.array([ring.thermal_shift * float(rise(0.0)) for ring, rise in zip(rings, rises, strict=True)])
-    light = light_of(circuit)
     waves = np.empty((len(circuit.ports), nu.size), dtype=complex)
     fields = np.empty((len(circuit.names), nu.size), dtype=complex)
-    for column, frequency in enumerate((nu + circuit.lasers[k].offset).tolist()):
-        waves[:, column], fields[:, column] = _response(circuit, light.at(frequency), frequency, k, warmed)
-    by_port = ("port", "detuning")
-    by_ring = ("ring", "detuning")
-    return xr.Dataset(
-        {
-            "transmission": (by_port, np.abs(waves) ** 2, {"units": "1", "long_name": "transmission"}),
-            "phase": (by_port, np.angle(waves), {"units": "rad", "long_name": "phase"}),
-            "energy": (by_ring, np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
-        },
-        coords={
-            "port": list(circuit.ports),
-            "ring": list(circuit.names),
-            "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
-        },
-        attrs=rest.attributes,
-    )
+    for column, detuned in enumerate((nu + circuit.lasers[k].offset).tolist()):
+        waves[:, column], fields[:, column] = _response(circuit, detuned, k, warmed)
+    transmission = {"units": "1", "long_name": "transmission"}
+    spectra = {
+        "transmission": (("port", "detuning"), np.abs(waves) ** 2, transmission),
+        "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+    }
+    spectra |= dataset.variables(("port", "detuning"), {"phase": np.angle(waves)})
+    spectra |= dataset.variables("detuning", {"detuning": nu})
+    places = {"port": list(circuit.ports), "ring": list(circuit.names)}
+    return xr.Dataset(spectra, places, rest.attributes)
 
 
-def _response(circuit: Circuit, light: Light, detuning: float, k: int, warmed: Array) -> tuple[Complex, Complex]:
+def _response(circuit: Circuit, detuning: float, k: int, warmed: Array) -> tuple[Complex, Complex]:
     """Linear response to laser ``k`` with unit amplitude: waves at the ports and fields of the rings (sqrt(s)).
-
-    The waves u at the starts of the delayed waveguides solve u = A a + B l + P u.
 
     warmed [rad/s]: by which heaters lower the resonance of every ring.
     """
-    late = slice(0, light.delay.size)
-    A = light.seen_ring[late]
-    B = light.seen_laser[late, k]
-    around = np.eye(late.stop) - light.seen_delay[late]
-    if late.stop and np.linalg.norm(around, -2) * RESONANT < 1:
-        what = f"detuning = {detuning:g} Hz is a resonance of a loop of waveguides without loss"
-        raise InputError(what, "give one of them a loss, or leave that detuning out")
-    back = light.from_delay @ np.linalg.inv(around)
+    with checks.prefixed(f"detuning = {detuning:g} Hz"):
+        light = light_of(circuit, detuning)
+    rates = np.array([ring.linear_rate for ring in circuit.resonators])
+    cold = np.array([ring.frequency for ring in circuit.resonators])
     frequency = float(circuit.frequency or 0) + detuning
-    turn = 2 * np.pi * np.array([frequency - ring.frequency for ring in circuit.resonators])
-    alone = np.diag([ring.linear_rate for ring in circuit.resonators] + 1j * (turn + warmed))
-    entering = light.from_laser[:, k] + back @ B
-    a = np.linalg.solve(alone - light.between - 1j * back @ A, 1j * entering)
-    u = np.linalg.solve(around, A @ a + B)
-    waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
-    ports = slice(late.stop, late.stop + len(circuit.ports))
-    return waves[ports], np.asarray(a)
+    turn = 2 * np.pi * (frequency - cold) + warmed
+    alone = np.diag(rates + 1j * turn)
+    a = np.linalg.solve(alone - light.between, 1j * light.from_laser[:, k])
+    waves = light.seen_ring @ a + light.seen_laser[:, k]
+    return waves[: len(circuit.ports)], np.asarray(a)

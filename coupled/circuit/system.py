@@ -29,7 +29,7 @@ from ..kernel.problem_parts import Drive, PoleHeat, Rings
 from ..kernel.tableaus import Method
 from ..resonator import parameters
 from ..states import final_state
-from ..thermal import dense_times, trusted
+from ..thermal import Heaters, dense_times, trusted
 from .circuit import Circuit
 from .network import Light, RingHeat, light_of, network_of, ring_heat
 
@@ -69,7 +69,7 @@ def system_of(
     thermal: Any,
     *,
     power: Mapping[str, Input],
-    heaters: Mapping[str, Any] | None = None,
+    heaters: Heaters = None,
     detuning: Any = 0.0,
     duration: float,
     rtol: float = 1e-6,
@@ -192,7 +192,7 @@ def run_circuit(
     *,
     power: Mapping[str, Any],
     detuning: Any,
-    heaters: Mapping[str, Any] | None,
+    heaters: Heaters,
     duration: float,
     rtol: float,
     times: Array,
@@ -292,14 +292,10 @@ def as_dataset(system: System, rows: Array, average: bool = False) -> xr.Dataset
         attrs["detuning"] = float(system.detuning(0.0))
     else:
         overall["detuning"] = system.detuning(time)
-    groups = {("ring",): by_ring, ("port",): by_port, ("laser",): {"input": input_power}, (): overall}
-    variables = {
-        name: ((*over, "time"), values, dataset.describe(name))
-        for over, group in groups.items()
-        for name, values in group.items()
-    }
+    variables = dataset.variables("time", {"time": time, **overall})
+    for over, group in {"ring": by_ring, "port": by_port, "laser": {"input": input_power}}.items():
+        variables |= dataset.variables((over, "time"), group)
     coordinates = {
-        "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq, newton
 
-from thermofem import InputError
+from thermofem import InputError, dataset
 from thermofem.arrays import Array
 from thermofem.data.variables import contents
 
@@ -317,29 +317,27 @@ def _is_there(kind: str, place: Place) -> bool:
     return True
 
 
-def described(family: Family, places: list[Place]) -> dict[str, Any]:
-    """Parameters and measures of cycles, in SI: a dict from name to ("point", values, attributes)."""
+def described(family: Family, places: list[Place], **further: Any) -> dict[str, Any]:
+    """Parameters and measures of cycles, and ``further`` columns, in SI: variables of a Dataset over point."""
     p = family.base
-    measures = [measure(place.orbit.trace.rows) for place in places]
-    parameters = numbers_of(p)
+    measures = [measure(place.orbit.trace.rows)[:6] for place in places]  # without times
+    duty, swing, extinction, lowest, highest, hottest = np.array(measures).T
     values = np.array([place.values for place in places]).T
     variables: dict[str, Any] = {}
-
-    def add(name: str, numbers: Any, unit: str, words: str) -> None:
-        variables[name] = ("point", numbers, {"units": unit, "long_name": words})
-
     for name, column in zip(family.names, values, strict=True):
-        _, unit = parameters[name]
-        add(name, column, unit or "1", name)
+        _, unit = numbers_of(p)[name]
+        variables[name] = ("point", column, {"units": unit or "1", "long_name": name})
     dropped = 2 * p.ring.drop_bus_rate * FJ
-    add("period", [place.orbit.T * NS for place in places], "s", "period")
-    add("duty", [each.duty for each in measures], "1", "duty cycle")
-    add("swing", [each.swing for each in measures], "K", "temperature swing")
-    add("highest_rise", [each.hottest + p.rise for each in measures], "K", "highest temperature rise")
-    add("extinction", [each.extinction for each in measures], "dB", "extinction")
-    add("drop_low", [each.lowest * dropped for each in measures], "W", "lowest drop power")
-    add("drop_high", [each.highest * dropped for each in measures], "W", "highest drop power")
-    return variables
+    columns = {
+        "period": np.array([place.orbit.T for place in places]) * NS,
+        "duty": duty,
+        "swing": swing,
+        "highest_rise": hottest + p.rise,
+        "extinction": extinction,
+        "drop_low": lowest * dropped,
+        "drop_high": highest * dropped,
+    }
+    return variables | dataset.variables("point", columns | further)
 
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:

@@ -11,7 +11,6 @@ along the first row; the Newton steps of the corrector also go along the second,
 Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 10.3 (curves of codimension one).
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from ..equilibria.zeros import distances
 from ..heaters import warmed
 from ..inputs import check_axis
 from ..resonator import RingResonator
-from ..thermal import as_read, trusted, without_origin
+from ..thermal import Heaters, as_read, trusted, without_origin
 from .branch import born, described, follow, laser_of
 from .cycle_problem import CycleProblem
 from .multiple_shooting import Family, Place, corrected
@@ -42,7 +41,7 @@ def cycle_fold_curves(
     powers: ArrayLike,
     detunings: ArrayLike,
     *,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> list[xr.Dataset]:

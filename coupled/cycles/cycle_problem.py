@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, islice
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -98,35 +98,14 @@ def measured(t: Array, q: Array, duration: float) -> Part:
     return Part(low, high, third, fourth, ups.size, gap, moved)
 
 
-class Shooting(Protocol):
-    """Interface of a system to `settled`; times in ns. Its orbits have start, T, pulses, size and leading."""
-
-    @property
-    def heat(self) -> int:
-        """Index of the first thermal state in y."""
-
-    def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """Integrate; return the end state, the next step size, the rows, and the section's quantity along them."""
-
-    def turn(self, y: Array, longest: float, level: float | None = None) -> Array | None:
-        """Return the state at the next rise through ``level`` (default q(y)); None within ``longest`` ns."""
-
-    def cycle(self, y: Array, pulses: int, wait: float, precisely: bool) -> Any:
-        """Return the periodic orbit of ``pulses`` pulses, about ``wait`` ns each, near ``y``; None if there is none."""
-
-    def confirmed(self, orbit: Any, wait: float) -> Any:
-        """Return the orbit at full accuracy; None if it does not converge there or is not attracting."""
-
-    def swing(self, orbit: Any) -> float:
-        """Return the range of the section's quantity along an orbit."""
-
-
 def settled(
-    system: Shooting, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring",
+    system: Any, y: Array, points: Callable[[], Array], longest: float, *, begin: str = "a cold ring",
     where: str = "", slow: bool = False, look: Callable[[], None] = lambda: None,
 ) -> Any:  # fmt: skip
     """Return the stable cycle to which the transient from the state ``y`` converges.
 
+    system: a `Flow`, or what has its ``heat``, ``part``, ``turn``, ``cycle``, ``confirmed`` and ``swing``, and orbits
+        with start, T, pulses, size and leading.
     points: returns the stable fixed points, rows (U, N, dT); called only where they are needed.
     longest [ns]: largest duration of the transient; ``slow`` says that this is short for the thermal time constants.
     begin, where: name of the initial state, and power and detuning, for error messages.
@@ -180,7 +159,7 @@ def resting(row: Array, points: Array) -> Array | None:
     return None
 
 
-def pulse_train(system: Shooting, y: Array, part: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
+def pulse_train(system: Any, y: Array, part: Part, wary: bool, last: bool) -> tuple[Any, str, bool]:
     """The stable cycle near a pulsing trajectory, or None and the reason; and whether an unstable cycle was found.
 
     wary: an unstable cycle is known, so only a trajectory that repeats itself is tried.
@@ -205,7 +184,7 @@ def pulse_train(system: Shooting, y: Array, part: Part, wary: bool, last: bool) 
     return None, reason, unstable
 
 
-def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
+def _tries(system: Any, y: Array, wait: float, wary: bool, last: bool) -> Iterator[tuple[int, bool]]:
     """Pairs (pulses, whether at full accuracy) to try: one pulse, then the fewest after which the state recurs."""
     if not wary:
         yield 1, False
@@ -218,13 +197,13 @@ def _tries(system: Shooting, y: Array, wait: float, wary: bool, last: bool) -> I
         yield back, True
 
 
-def _pulses(system: Shooting, y: Array, wait: float) -> Iterator[Array]:
+def _pulses(system: Any, y: Array, wait: float) -> Iterator[Array]:
     """The state at each pulse that follows after the state ``y``."""
     while (after := system.turn(y, REACH * wait)) is not None:
         yield (y := after)
 
 
-def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, float]:
+def _distances(system: Any, y: Array, wait: float, most: int) -> dict[int, float]:
     """Relative distance of the thermal state from its start after 1, 2, ... pulses: a dict from pulses to distance."""
     off: dict[int, float] = {}
     for pulses, state in enumerate(islice(_pulses(system, y, wait), most), start=1):
@@ -234,7 +213,7 @@ def _distances(system: Shooting, y: Array, wait: float, most: int) -> dict[int, 
     return off
 
 
-def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
+def _stable(system: Any, y: Array, wait: float, pulses: int, precisely: bool) -> tuple[Any, str]:
     """The stable cycle of ``pulses`` pulses, or of 2, 4, ... times as many after doubling; or None and the reason."""
     reason = ""
     while pulses <= MOST_PULSES:
@@ -254,7 +233,7 @@ def _stable(system: Shooting, y: Array, wait: float, pulses: int, precisely: boo
     return None, reason
 
 
-def once(system: Shooting, orbit: Any, wait: float) -> Any:
+def once(system: Any, orbit: Any, wait: float) -> Any:
     """The shorter stable cycle of which ``orbit`` is a repetition, so that its period is minimal; else ``orbit``."""
     for pulses, off in _distances(system, orbit.start, wait, orbit.pulses // 2).items():
         if orbit.pulses % pulses == 0 and off <= BACK:
@@ -268,7 +247,7 @@ def once(system: Shooting, orbit: Any, wait: float) -> Any:
     return orbit
 
 
-def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
+def comes_nearer(system: Any, y: Array, orbit: Any, wait: float) -> bool:
     """Whether the trajectory from ``y`` approaches the orbit, over as many periods as halve a small perturbation."""
     halving = np.log(0.5) / np.log(max(orbit.size, 1e-3))
     turns = int(np.clip(np.ceil(halving), 2, PATIENT))
@@ -282,7 +261,7 @@ def comes_nearer(system: Shooting, y: Array, orbit: Any, wait: float) -> bool:
     return len(last) == orbit.pulses and min(last) < max(nearer, REPEATS)
 
 
-def distance(system: Shooting, y: Array, other: Array) -> float:
+def distance(system: Any, y: Array, other: Array) -> float:
     """Largest modulus of the difference of two states' thermal parts, relative to the largest modulus in ``other``."""
     heat = y[system.heat :]
     reference = other[system.heat :]
@@ -417,9 +396,7 @@ def differences(p: CycleProblem, name: str) -> list[tuple[float, CycleProblem]]:
     h = 1e-4 * size or FROM_ZERO.get(name, 0.0)
     if h == 0:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
-    if value != 0 or name == "detuning":
-        stencil = ((1, 8), (-1, -8), (2, -1), (-2, 1))  # of order 4: steps from the value, weights
-        return [(weight / (12 * h), changed(p, name, value + steps * h)) for steps, weight in stencil]
-    near = changed(p, name, h)
-    far = changed(p, name, 2 * h)
-    return [(4 / (2 * h), near), (-1 / (2 * h), far), (-3 / (2 * h), p)]
+    stencil = [(1, 8), (-1, -8), (2, -1), (-2, 1)]  # steps from the value, weights over 12: of order 4
+    if value == 0 and name != "detuning":
+        stencil = [(1, 24), (2, -6), (0, -18)]  # to one side, of order 2
+    return [(weight / (12 * h), changed(p, name, value + steps * h)) for steps, weight in stencil]

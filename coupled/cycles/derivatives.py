@@ -10,7 +10,7 @@ them. The derivatives of nodes and times by a parameter give those of every meas
     d(crossing) = [d(level) - dU at the crossing]/(dU/dt),       d(level) = .55 d(U_min) + .45 d(U_max)
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from ..inputs import check_detuning, check_power
 from ..kernel.units import NS
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
-from ..thermal import trusted
+from ..thermal import Heaters, trusted
 from ..unknowns import FROM_ZERO
 from .cycle_problem import CycleProblem, numbers_of, value_of
 from .limit_cycle import cycle_near
@@ -45,7 +45,7 @@ def cycle_derivatives(
     power: float,
     detuning: float = 0.0,
     cycle: xr.Dataset | None = None,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> xr.Dataset:

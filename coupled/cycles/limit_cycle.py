@@ -21,7 +21,7 @@ from ..kernel.units import DENSITY, FJ, NS, UW, internal_rates, units
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..states import State, starting_point
-from ..thermal import trusted
+from ..thermal import Heaters, trusted
 from . import branch
 from .branch import born, is_hopf_point, laser_of, near_hopf
 from .cycle_problem import CycleProblem, measured, pulse_train, value_of
@@ -41,7 +41,7 @@ def limit_cycle(
     power: Any,
     detuning: float = 0.0,
     guess: xr.Dataset | State | None = None,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
     settle: float = 20e-6,
@@ -152,6 +152,7 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     coupled = 1j * np.sqrt(2 * ring.bus_rate * NS) * (re + 1j * im)
     rates, _ = internal_rates(ring)
     values = {
+        "time": t * NS,
         "energy": U * FJ,
         "carriers": N * DENSITY,
         "delta_T": dT + p.rise,
@@ -161,14 +162,15 @@ def dataset_of(p: CycleProblem, orbit: Orbit) -> xr.Dataset:
     }
     if ring.scattering_rate > 0:
         values["scattered"] = 2 * ring.scattering_rate * U * FJ
-    variables: dict[str, Any] = {name: ("time", v, dataset.describe(name)) for name, v in values.items()}
-    about = {"units": "s", "long_name": "weight of an integral over the period"}
-    variables["weight"] = ("time", time_weights(orbit) * NS, about)
-    variables["multipliers"] = ("multiplier", orbit.multipliers, {"units": "1", "long_name": "Floquet multipliers"})
+    values["weight"] = time_weights(orbit) * NS
     attrs = p.provenance("limit cycle") | _numbers(orbit)
     attrs["final_state"] = orbit.start * units(p.flow.rough.order)
-    time = ("time", t * NS, dataset.describe("time"))
-    return xr.Dataset(variables, coords={"time": time}, attrs=attrs)
+    cycle = xr.Dataset(dataset.variables("time", values), attrs=attrs)
+    return cycle.assign(_multipliers(orbit))
+
+
+def _multipliers(orbit: Orbit) -> dict[str, Any]:
+    return dataset.variables("multiplier", {"multipliers": orbit.multipliers})
 
 
 def _numbers(orbit: Orbit) -> dict[str, Any]:
@@ -214,7 +216,7 @@ def _of_circuit(
     circuit: Circuit,
     model: Any,
     power: Mapping[str, float],
-    heaters: Mapping[str, float] | None,
+    heaters: Heaters,
     detuning: float,
     settle: float,
 ) -> xr.Dataset:
@@ -253,10 +255,8 @@ def _of_circuit(
         system.circuit, model, power=powers, detuning=detuning, heaters=heaters, duration=times[-1], rtol=FINE,
         times=times, initial=xr.Dataset(attrs=start),
     )  # fmt: skip
-    about = {"units": "1", "long_name": "Floquet multipliers"}
-    cycle["multipliers"] = ("multiplier", orbit.multipliers, about)
     cycle.attrs["period"] = float(times[-1])
-    return cycle
+    return cycle.assign(_multipliers(orbit))
 
 
 def continue_cycle(
@@ -269,7 +269,7 @@ def continue_cycle(
     detuning: float | None = None,
     guess: xr.Dataset | State | None = None,
     points: int = 1000,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> xr.Dataset:
@@ -369,14 +369,11 @@ def _dataset(family: Family, cycles: list[branch.Found], why: str) -> xr.Dataset
     """The cycles of a branch as a Dataset over point, in SI, with their stability, bifurcations and multipliers."""
     p = family.base
     places = [cycle.place for cycle in cycles]
-    kind = {"units": "1", "long_name": "kind of the cycle"}
-    variables = branch.described(family, places)
-    variables["stability"] = ("point", [stability(place.orbit) for place in places], kind)
-    special = {"units": "1", "long_name": "where the stability changes"}
-    variables["special"] = ("point", [cycle.kind for cycle in cycles], special)
-    several = np.array([place.orbit.multipliers for place in places])
-    about = {"units": "1", "long_name": "Floquet multipliers"}
-    variables["multipliers"] = (("point", "multiplier"), several, about)
+    kinds = [stability(place.orbit) for place in places]
+    special = [cycle.kind for cycle in cycles]
+    several = [place.orbit.multipliers for place in places]
+    variables = branch.described(family, places, stability=kinds, special=special)
+    variables |= dataset.variables(("point", "multiplier"), {"multipliers": several})
     attrs = p.provenance("branch of cycles")
     attrs |= {"parameter": family.names[0], "reason": why}
     return xr.Dataset(variables, attrs=attrs)

@@ -165,44 +165,6 @@ def weights(family: Family, trace: Trace) -> Array:
     return np.concatenate([1 / family.base.flow.scale(trace.rows), [1 / trace.T], 1 / family.ranges])
 
 
-@dataclass(frozen=True)
-class Blocks:
-    """Where the m states of n numbers, the m durations and the q parameters stand among the unknowns of a step."""
-
-    m: int
-    n: int
-    q: int
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return self.m * (self.n + 1) + self.q
-
-    def state(self, i: int) -> slice:
-        """The state of the node i, counted around the orbit."""
-        first = i % self.m * self.n
-        return slice(first, first + self.n)
-
-    def duration(self, i: int) -> int:
-        """The duration from the node i to the next."""
-        return self.m * self.n + i
-
-    @property
-    def states(self) -> slice:
-        """The states of all nodes."""
-        return slice(0, self.m * self.n)
-
-    @property
-    def durations(self) -> slice:
-        """The durations between all nodes."""
-        return slice(self.m * self.n, self.m * (self.n + 1))
-
-    @property
-    def parameters(self) -> slice:
-        """The parameters."""
-        return slice(self.m * (self.n + 1), self.size)
-
-
 def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array) -> tuple[Nodes, Nodes] | None:
     """One Newton step of the shooting equations, closed by ``rows`` . dx = ``target``; None if the matrix is singular.
 
@@ -211,34 +173,37 @@ def newton(nodes: Nodes, known: Linear, rows: Array, target: Array, unit: Array)
     """
     m, n = nodes.y.shape
     q = nodes.values.size
-    at = Blocks(m, n, q)
-    size = 1 / unit[:n]
-    T = 1 / unit[n]
-    ranges = 1 / unit[n + 1 :]
+    size, T, ranges = np.split(1 / unit, [n, n + 1])
     column = size[:, None]
-    A = np.zeros((at.size, at.size))
-    b = np.zeros((at.size, 1 + q))
+    states = m * n  # then the durations, then the parameters
+    A = np.zeros((states + m + q, states + m + q))
+    b = np.zeros((len(A), 1 + q))
+    by_states = A[:states, :states].reshape(m, n, m, n)
+    by_durations = A[:states, states:-q].reshape(m, n, m)
+    by_parameters = A[:states, -q:].reshape(m, n, q)
+    along = A[states:-q, :states].reshape(m, m, n)
+    missed = b[:states, 0].reshape(m, n)
     for i in range(m):
-        here = at.state(i)
+        following = (i + 1) % m
         end = known.runs[i].y
-        A[here, here] = known.V[i] * size / column
-        A[here, at.state(i + 1)] -= np.eye(n)
-        A[here, at.duration(i)] = known.problem.slopes(end)[0] * T / size
-        A[here, at.parameters] = known.P[i] * ranges / column
-        A[at.duration(i), here] = _along(known.problem, nodes.y[i], size)
-        b[here, 0] = (nodes.y[(i + 1) % m] - end) / size
-    A[at.parameters, at.state(0)] = rows[:, :n]
-    A[at.parameters, at.durations] = rows[:, n : n + 1]
-    A[at.parameters, at.parameters] = rows[:, n + 1 :]
-    b[at.parameters, 0] = target
-    b[at.parameters, 1:] = np.eye(q)
+        by_states[i, :, i] = known.V[i] * size / column
+        by_states[i, :, following] -= np.eye(n)
+        by_durations[i, :, i] = known.problem.slopes(end)[0] * T / size
+        by_parameters[i] = known.P[i] * ranges / column
+        along[i, i] = _along(known.problem, nodes.y[i], size)
+        missed[i] = (nodes.y[following] - end) / size
+    A[-q:, :n] = rows[:, :n]
+    A[-q:, states:-q] = rows[:, [n]]
+    A[-q:, -q:] = rows[:, n + 1 :]
+    b[-q:, 0] = target
+    b[-q:, 1:] = np.eye(q)
     try:
         changes = np.linalg.solve(A, b).T
     except np.linalg.LinAlgError:
         return None
-    y = changes[:, at.states].reshape(-1, m, n) * size
-    h = changes[:, at.durations] * T
-    values = changes[:, at.parameters] * ranges
+    y = changes[:, :states].reshape(-1, m, n) * size
+    h = changes[:, states:-q] * T
+    values = changes[:, -q:] * ranges
     return Nodes(y[0], h[0], values[0]), Nodes(y[1:], h[1:], values[1:])
 
 

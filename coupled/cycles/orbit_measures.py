@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Mask
 
 from ..runs.pulsing import DUTY_LEVEL
 
@@ -23,7 +23,7 @@ class Measures(NamedTuple):
     highest: float
     hottest: float  # K
     crossings: Array  # of the level of the duty cycle
-    rising: NDArray[np.bool_]
+    rising: Mask
     extremes: Array  # where U is lowest and highest, where dT is
 
 
@@ -54,7 +54,7 @@ class Crossings(NamedTuple):
     """Times at which U crosses a level, which of them rise, and whether U begins above the level."""
 
     times: Array
-    rising: NDArray[np.bool_]
+    rising: Mask
     begins_above: bool
 
 

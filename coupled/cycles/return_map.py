@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Complex
 
 from ..kernel.integrator import CARRIERS, Crossing, Problem, Run
 
@@ -66,14 +66,14 @@ class Orbit:
         return self.trace.T
 
     @cached_property
-    def multipliers(self) -> NDArray[np.complex128]:
+    def multipliers(self) -> Complex:
         """Floquet multipliers, the eigenvalues of V, by decreasing modulus; shape (n,)."""
         multipliers = np.linalg.eigvals(self.V).astype(complex)
         order = np.argsort(-np.abs(multipliers))
         return multipliers[order]
 
     @property
-    def others(self) -> NDArray[np.complex128]:
+    def others(self) -> Complex:
         """The Floquet multipliers without the trivial one (the one nearest to 1), shape (n - 1,)."""
         trivial = int(np.argmin(np.abs(self.multipliers - 1)))
         return np.delete(self.multipliers, trivial)
@@ -146,7 +146,7 @@ class Flow:
         return self.rough.rings * self.rough.block
 
     def part(self, y: Array, duration: float, first_step: float) -> tuple[Array, float, Array, Array]:
-        """Integrate part of a transient; this and the next four methods are those of `cycle_problem.Shooting`."""
+        """Integrate part of a transient: the end, the next step, the rows, and the section's quantity along them."""
         run = self.run(y, duration, first_step=first_step)
         return run.y, run.step, run.rows, self.seen(run.rows)
 
@@ -324,9 +324,8 @@ class Search(NamedTuple):
             y = nearer
         before = 1.0
         renew = False
-        per_step = 1  # row a step: the first trace is hardly ever the last
         for _ in self.turns:
-            trace = self.trace(y, rtol, per_step)
+            trace = self.trace(y, rtol, PER_STEP)
             if trace is None:
                 return None
             if renew:
@@ -336,14 +335,11 @@ class Search(NamedTuple):
                 return None
             following, size = step
             if size < CLOSED[rtol]:
-                if per_step == 1:
-                    trace = self.trace(y, rtol, PER_STEP) or trace
                 return self._concluded(trace, rtol, start, size)
             # a chord step that does not shrink to a fifth asks for the derivative anew
             renew = not renew and size > 0.2 * before
             before = size
             y = following
-            per_step = PER_STEP
         return None
 
     def _nearer(self, y: Array, start: Chord) -> Array | None:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from thermofem import InputError
-from thermofem.arrays import Array, ArrayLike, Complex, NDArray
+from thermofem.arrays import Array, ArrayLike, Complex, Indices
 from thermofem.models import ThermalModel
 
 from ..kernel.integrator import Problem
@@ -36,7 +36,7 @@ from ..kernel.tableaus import Method
 from ..kernel.units import UW, Rates, internal_heat, internal_rates, single_ring
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
-from .zeros import newton, zeros
+from .zeros import Brackets, newton, zeros
 
 TERMS = (16, 32, 64, 128, 256)
 
@@ -226,8 +226,7 @@ def peak(pump: ArrayLike, ring: InternalRing) -> Array:
     above, _ = equation(high)
     low = high - above
     below, _ = equation(low)
-    log_U = newton(equation, np.array([low, high]), np.array([below, above]))
-    return np.exp(log_U)
+    return np.exp(newton(equation, low, high, below, above))
 
 
 def tilted(t: Array, pump: float | Array, top: float | Array, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
@@ -262,7 +261,7 @@ def farthest(detuning: float, top: float, ring: InternalRing) -> float:
     return float(np.arcsinh(widths + 1))
 
 
-def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tuple[Array, Array, NDArray[np.intp]]:
+def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tuple[Array, Array, Indices]:
     """Return every fixed point at m laser settings: U and D, and the index of the setting, three arrays of one shape.
 
     pump, detuning [shape (m,)]: in sqrt(fJ)/ns and rad/ns.
@@ -282,45 +281,31 @@ def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tu
     return U[order], D[order], cell[order]
 
 
-class Brackets(NamedTuple):
-    """Intervals of t that hold one fixed point each: ends, distances of the detuning there, index of the setting."""
-
-    low: Array
-    high: Array
-    at_low: Array
-    at_high: Array
-    setting: NDArray[np.intp]
-
-
-def _on_pieces(
-    pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
-) -> tuple[Array, Array, NDArray[np.intp]]:
+def _on_pieces(pumps: Array, which: Indices, detuning: Array, ring: InternalRing) -> tuple[Array, Array, Indices]:
     """Fixed points U, D and index of the setting (pumps[which], detuning), by a root on each monotone piece."""
     tops = peak(pumps, ring)
-    brackets = _brackets(pumps, tops, which, detuning, ring)
-    pump = pumps[which[brackets.setting]]
-    top = tops[which[brackets.setting]]
-    target = detuning[brackets.setting]
+    *ends, setting = _brackets(pumps, tops, which, detuning, ring)
+    pump = pumps[which[setting]]
+    top = tops[which[setting]]
+    target = detuning[setting]
 
     def equation(t: Array) -> tuple[Array, Array]:
         _, _, of_resonance, slope = tilted(t, pump, top, ring)
         return of_resonance - target, slope
 
-    ends = np.array([brackets.low, brackets.high])
-    values = np.array([brackets.at_low, brackets.at_high])
-    U, *_ = tilted(newton(equation, ends, values), pump, top, ring)
-    return U, balance(U, ring).shift - target, brackets.setting
+    U, *_ = tilted(newton(equation, *ends), pump, top, ring)
+    return U, balance(U, ring).shift - target, setting
 
 
-def _brackets(pumps: Array, tops: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing) -> Brackets:
-    """Every monotone piece of a tilted resonance on which a detuning of its settings lies."""
+def _brackets(pumps: Array, tops: Array, which: Indices, detuning: Array, ring: InternalRing) -> Brackets:
+    """Every monotone piece of a tilted resonance, in t, on which a detuning of its settings lies."""
     largest = float(np.abs(detuning).max())
     end = farthest(largest, tops[-1], ring)
     intervals = int(np.ceil(2 * end / SPACING))
     grid = np.linspace(-end, end, intervals + 1)
     _, _, on_grid, slopes = tilted(grid, pumps[:, None], tops[:, None], ring)
 
-    def slope(t: Array, k: NDArray[np.intp]) -> Array:
+    def slope(t: Array, k: Indices) -> Array:
         return tilted(t, pumps[k], tops[k], ring)[3]
 
     turning, pump_of = zeros(slope, grid, pumps.size, slopes)
@@ -336,10 +321,5 @@ def _brackets(pumps: Array, tops: Array, which: NDArray[np.intp], detuning: Arra
         off = of_resonance - detuning[settings, None]
         above = off > 0
         row, piece = np.nonzero(above[:, 1:] != above[:, :-1])
-        low = t[piece]
-        high = t[piece + 1]
-        at_low = off[row, piece]
-        at_high = off[row, piece + 1]
-        parts.append(Brackets(low, high, at_low, at_high, settings[row]))
-    columns = zip(*parts, strict=True)
-    return Brackets(*map(np.concatenate, columns))
+        parts.append((t[piece], t[piece + 1], off[row, piece], off[row, piece + 1], settings[row]))
+    return Brackets.joined(parts)

@@ -19,12 +19,13 @@ whose roots in w are found at many U. From each root the curve is continued in b
 A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
+from thermofem.arrays import Array, ArrayLike, Complex, Indices, Mask, runs_of
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
@@ -35,7 +36,7 @@ from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, farthest, internal_ring, peak
-from .steady_states import first_lyapunov, jacobians, states
+from .steady_states import first_lyapunov, jacobian, states
 from .zeros import distances, intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 400, 200  # at which roots are looked for
@@ -98,9 +99,9 @@ def hopf_curves(
     for line in (part for whole in _lines(plane) for part in _inside(plane, whole)):
         U, D, omega = _values(plane, line)
         growth, leading = _criticality(plane, U, D, omega)
-        curve = _dataset(plane, "Hopf curve", U, D, omega)
-        curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
-        curve["lyapunov"] = ("point", growth / NS, {"units": "1/s", "long_name": "first Lyapunov coefficient"})
+        frequency = omega / (2 * np.pi * NS)
+        lyapunov = growth / NS
+        curve = _dataset(plane, "Hopf curve", U, D, frequency=frequency, leading=leading, lyapunov=lyapunov)
         curves.append(curve)
     return curves
 
@@ -129,7 +130,7 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     return Plane(ring, model, at, P, shifts, np.geomspace(low, high, ENERGIES), warm.doubts)
 
 
-def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[Complex, Complex]:
     """A and B at lambda = i w, complex, of the shape of ``log_U`` and ``log_w``."""
     z = 1j * np.exp(log_w)
     U, which = np.unique(np.exp(log_U), return_inverse=True)
@@ -154,7 +155,7 @@ class Secular(NamedTuple):
     kerr: Array
     power: Array
 
-    def at(self, which: NDArray[np.intp], shape: tuple[int, ...]) -> "Secular":
+    def at(self, which: Indices, shape: tuple[int, ...]) -> "Secular":
         """Those of the energies with the indices ``which``, in another shape."""
         return Secular(*(values[which].reshape(shape) for values in self))
 
@@ -189,7 +190,7 @@ def _lines(plane: Plane) -> list[Array]:
     log_U = np.log(plane.energies)
     log_w = np.log(np.geomspace(1e-4 * slowest, 2 * highest, FREQUENCIES))
 
-    def resultant(x: Array, k: NDArray[np.intp]) -> Array:
+    def resultant(x: Array, k: Indices) -> Array:
         A, B = _terms(plane, log_U[k], x)
         scale = np.abs(B) ** 2 + np.abs(A)
         size = A.imag**2 + B.imag**2 * scale + tiny
@@ -353,40 +354,31 @@ def _inside(plane: Plane, line: Array) -> list[Array]:
     return [line[:, max(a - 1, 0) : b + 1] for a, b in runs_of(inside)]
 
 
-def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, Mask]:
     """First Lyapunov coefficients (1/ns, for the relative amplitude of the carriers) at Hopf points.
 
     Also whether all eigenvalues but the two nearest to +- i w have negative real parts; both of shape (m,).
     """
-    y, detuning = states(U, D, plane.at)
-    size = np.abs(y)
-    size[:, 2] = np.maximum(size[:, 2], 1e-12)
-    size[:, :2] = np.sqrt(U)[:, None]
-    size[:, 3:] = np.maximum(size[:, 3:].sum(axis=1), 1e-12)[:, None]
-    carriers = plane.at.rates.g > 0
-    unit = np.full(U.size, 2) if carriers else np.abs(y[:, :2]).argmax(axis=1)
-
-    def jacobian(x: Array) -> Array:
-        return jacobians(x, detuning, plane.at)
-
-    g, values = first_lyapunov(jacobian, y, size, w, unit)
-    from_pair = np.abs(values**2 + w[:, None] ** 2)
-    others = from_pair.argsort(axis=1)[:, 2:]
-    decay = np.all(np.take_along_axis(values.real, others, axis=1) < 0, axis=1)
-    amplitude = np.take_along_axis(y, unit[:, None], axis=1)[:, 0]
-    return g * amplitude**2, decay
+    growth = []
+    leading = []
+    for y, detuning, omega in zip(*states(U, D, plane.at), w, strict=True):
+        light = np.hypot(*y[:2])
+        heat = max(np.abs(y[3:]).sum(), 1e-12)
+        size = np.array([light, light, max(abs(y[2]), 1e-12), *np.full(y.size - 3, heat)])
+        unit = 2 if plane.at.rates.g > 0 else int(np.abs(y[:2]).argmax())
+        at_detuning = partial(jacobian, detuning=detuning, ring=plane.at)
+        g, values = first_lyapunov(at_detuning, y, size, omega, unit)
+        from_pair = np.abs(values**2 + omega**2)
+        others = from_pair.argsort()[2:]
+        growth.append(g * y[unit] ** 2)
+        leading.append(np.all(values.real[others] < 0))
+    return np.array(growth), np.array(leading)
 
 
-def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
+def _dataset(plane: Plane, kind: str, U: Array, D: Array, **further: Any) -> xr.Dataset:
     """One curve as a Dataset over point, in SI; warns where dT exceeds the training range of the model."""
     power, shift = _laser(plane, U, D)
     trusted(plane.model, balance(U, plane.at).dT)
-    values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ}
-    if omega is not None:
-        values["frequency"] = omega / (2 * np.pi * NS)
-    variables = {}
-    for name, column in values.items():
-        about = dataset.describe("input_power" if name == "power" else name)
-        variables[name] = ("point", column, about)
+    values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ, **further}
     attrs = {"kind": kind, "ring": plane.ring.name, **plane.doubts}
-    return xr.Dataset(variables, attrs=attrs)
+    return xr.Dataset(dataset.variables("point", values, power="input_power"), attrs=attrs)

@@ -15,7 +15,6 @@ thermal model has that input; with any other model every temperature follows it 
 """
 
 import logging
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ from ..kernel.integrator import Problem
 from ..kernel.problem_parts import Drive, PoleHeat
 from ..kernel.tableaus import Method
 from ..resonator import RingResonator
-from ..thermal import trusted
+from ..thermal import Heaters, trusted
 from .balance import balance
 from .linear_response import Linear
 from .steady_states import Resting, resting
@@ -87,7 +86,7 @@ def linearize(
     *,
     power: Any,
     detuning: float = 0.0,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     branch: int = 0,
     heated: str | None = None,
     read: str | None = None,

@@ -3,25 +3,25 @@
 The equations are invariant under the phase of the field, so a = sqrt(U) at a fixed point. Internal units: `balance`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from thermofem.arrays import Array, ArrayLike, Complex, NDArray
+from thermofem.arrays import Array, ArrayLike, Complex
 from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..circuit.circuit import Circuit
-from ..circuit.stationary import circuit_steady_states
+from ..circuit.stationary import circuit_steady_states, leading
 from ..heaters import ConstantHeating, warmed, with_ambient
 from ..inputs import check_detuning, check_power
 from ..kernel.integrator import CAP
 from ..kernel.units import DENSITY, FJ, NS, UW, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import provenance, trusted
+from ..thermal import Heaters, provenance, trusted
 from .balance import InternalRing, absorbable, balance, fixed_points, internal_ring
 
 AT_ONCE = 20_000  # Jacobians in one call of LAPACK
@@ -38,13 +38,10 @@ def states(U: Array, D: Array, ring: InternalRing) -> tuple[Array, Array]:
     return np.concatenate([light, heat], axis=-1), at.shift - D
 
 
-def jacobians(y: Array, detuning: Array, ring: InternalRing) -> Array:
-    """Return the Jacobians d(dy/dt)/dy, shape (m, 3 + n, 3 + n), at states y (m, 3 + n), detunings (m,) in rad/ns."""
-    J = np.empty((*y.shape, y.shape[1]))
-    for k, state in enumerate(y):
-        ring.problem.set_detuning(float(detuning[k]))
-        _, J[k] = ring.problem.slopes(state)
-    return J
+def jacobian(y: Array, detuning: float, ring: InternalRing) -> Array:
+    """Return the Jacobian d(dy/dt)/dy, shape (3 + n, 3 + n), at a state y, (3 + n,), and a detuning in rad/ns."""
+    ring.problem.set_detuning(detuning)
+    return ring.problem.slopes(y)[1]
 
 
 def eigenvalues(U: Array, D: Array, ring: InternalRing) -> Complex:
@@ -52,26 +49,16 @@ def eigenvalues(U: Array, D: Array, ring: InternalRing) -> Complex:
     values = []
     for k in range(0, max(len(U), 1), AT_ONCE):
         part = slice(k, k + AT_ONCE)
-        y, detuning = states(U[part], D[part], ring)
-        J = jacobians(y, detuning, ring)
+        pairs = zip(*states(U[part], D[part], ring), strict=True)
+        J = np.array([jacobian(y, detuning, ring) for y, detuning in pairs])
         values.append(np.linalg.eigvals(J).astype(complex))
     return np.concatenate(values)
 
 
-def leading(values: Complex) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return, for each row of eigenvalues: the largest real part, |Im| of that eigenvalue, and the count of Re > 0."""
-    k = values.real.argmax(axis=1)
-    first = np.take_along_axis(values, k[:, None], axis=1)[:, 0]
-    # real, too, with |Im|/|lambda| below 1e-6: a double eigenvalue splits by the root of round-off
-    frequency = np.abs(first.imag)
-    omega = np.where(frequency > 1e-6 * np.abs(first), frequency, 0.0)
-    return first.real, omega, (values.real > 0).sum(axis=1)
-
-
 def first_lyapunov(
-    jacobians: Callable[[Array], Array], x: Array, size: Array, omega: Array, unit: NDArray[np.intp]
-) -> tuple[Array, Complex]:
-    """Return the first Lyapunov coefficient g and all eigenvalues at m Hopf points.
+    jacobian: Callable[[Array], Array], x: Array, size: Array, omega: float, unit: int
+) -> tuple[float, Complex]:
+    """Return the first Lyapunov coefficient g and all eigenvalues at a Hopf point.
 
     With A the Jacobian there, A q = i w q, A^T p = -i w p, <p, q> = 1, and B and C the second and third derivatives of
     the right-hand side,
@@ -83,46 +70,32 @@ def first_lyapunov(
     g > 0 (subcritical) it jumps to a large pulse and has hysteresis. Only the Jacobian is differentiated, by central
     differences along Re q and Im q: B(q, .) = J'(Re q) + i J'(Im q), C(q, q*, .) = J''(Re q) + J''(Im q).
 
-    jacobians: of the states, shape (m, n) to (m, n, n).
-    x, size [shape (m, n)]: the fixed points, and sizes of their states for the differences.
-    omega [shape (m,)]: near which the eigenvalue i w is looked for.
-    unit [shape (m,)]: the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
+    jacobian: at a state, shape (n,) to (n, n).
+    x, size [shape (n,)]: the fixed point, and sizes of its states for the differences.
+    omega: near which the eigenvalue i w is looked for.
+    unit: index of the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 5.4.
     """
-    m = np.arange(len(x))
-    A = jacobians(x)
+    A = jacobian(x)
     values, vectors = np.linalg.eig(A.astype(complex))
-    distance = np.abs(values - 1j * omega[:, None])
-    k = distance.argmin(axis=1)
-    w = values[m, k].imag
-    q = vectors[m, :, k]
-    size_of = (2 * q[m, unit])[:, None]
-    q = q / size_of
-    p = np.linalg.inv(vectors)[m, k] * size_of  # p as a row, conjugate
-    h = DIFFERENCE_STEP / np.max(np.abs(q) / size, axis=1)
+    k = int(np.abs(values - 1j * omega).argmin())
+    amplitude = 2 * vectors[unit, k]
+    q = vectors[:, k] / amplitude
+    p = np.linalg.inv(vectors)[k] * amplitude  # a row, conjugate
+    h = DIFFERENCE_STEP / np.max(np.abs(q) / size)
     first = np.zeros(A.shape, dtype=complex)
     second = np.zeros(A.shape)
     for part, factor in ((q.real, 1), (q.imag, 1j)):
-        ahead = jacobians(x + h[:, None] * part)
-        behind = jacobians(x - h[:, None] * part)
-        first += factor * (ahead - behind) / (2 * h[:, None, None])
-        second += (ahead - 2 * A + behind) / h[:, None, None] ** 2
-
-    def times(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-        return np.einsum("mij,mj->mi", M, v)
-
-    def solve(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-        return np.linalg.solve(M, v[..., None])[..., 0]
-
-    mean = solve(A.astype(complex), times(first, q.conj()))
-    twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
-    double = solve(twice, times(first, q))
-    cubic = times(second, q)
-    by_mean = 2 * times(first, mean)
-    by_double = times(first.conj(), double)
-    g = np.einsum("mi,mi->m", p, cubic - by_mean + by_double)
-    return g.real / 2, values
+        ahead = jacobian(x + h * part)
+        behind = jacobian(x - h * part)
+        first += factor * (ahead - behind) / (2 * h)
+        second += (ahead - 2 * A + behind) / h**2
+    mean = np.linalg.solve(A.astype(complex), first @ q.conj())
+    twice = 2j * values[k].imag * np.eye(x.size) - A
+    double = np.linalg.solve(twice, first @ q)
+    g = p @ (second @ q - 2 * first @ mean + first.conj() @ double)
+    return float(g.real) / 2, values
 
 
 class Fixed(NamedTuple):
@@ -160,7 +133,7 @@ def steady_states(
     *,
     power: Any,
     detuning: float = 0.0,
-    heaters: Mapping[str, Any] | None = None,
+    heaters: Heaters = None,
     ambient: float | None = None,
     heated: str | None = None,
     read: str | None = None,
@@ -247,7 +220,7 @@ def resting(
     model: ThermalModel,
     power: float,
     detuning: float,
-    heaters: Mapping[str, float] | None,
+    heaters: Heaters,
     heated: str | None,
     read: str | None,
 ) -> Resting:
@@ -302,8 +275,4 @@ def described(
     }
     linear_rise = at.model.thermal_resistance * absorbed
     trusted(model, here.dT, linear_rise)
-    variables = {}
-    for name, column in values.items():
-        quantity = "input_power" if name == "power" else name
-        variables[name] = (over, column, dataset.describe(quantity))
-    return xr.Dataset(variables, attrs=provenance(kind, ring, at.model))
+    return xr.Dataset(dataset.variables(over, values, power="input_power"), attrs=provenance(kind, ring, at.model))

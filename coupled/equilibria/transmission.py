@@ -1,6 +1,6 @@
 """Steady transmission of a nonlinear ring: all branches against detuning or power, and the path of a slow sweep."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..inputs import check_detuning, check_power, check_ring
 from ..kernel.rates import absorbed_power
 from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import trusted
+from ..thermal import Heaters, trusted
 from .balance import (
     SPACING,
     InternalRing,
@@ -43,7 +43,7 @@ def transmission(
     *,
     power: Any = None,
     detuning: float | ArrayLike,
-    heaters: Mapping[str, Any] | None = None,
+    heaters: Heaters = None,
     ambient: float | None = None,
     heated: str | None = None,
     read: str | None = None,
@@ -250,22 +250,18 @@ def sweep(
     grid = np.linspace(place.min(), place.max(), intervals + 2)
     folds, _ = zeros(lambda s, _: curve(s)[4], grid)
     branch = np.searchsorted(folds, place)
-    path = np.empty(steps, dtype=int)
+    path: list[int] = []
     jumped = np.zeros(steps, dtype=bool)
     for k in range(steps):
         here = np.flatnonzero(step == k)
         lasting = here[stable[here]] if stable[here].any() else here
-        if k == 0:
-            path[k] = lasting[0]
-            continue
-        before = path[k - 1]
+        before = path[-1] if path else lasting[0]
         same = here[branch[here] == branch[before]]
         jumped[k] = not same.size
         nearest = np.abs(np.log(U[lasting] / U[before])).argmin()
-        path[k] = lasting[nearest] if jumped[k] else same[0]
-    points = described("slow sweep", ring, model, at, U[path], D[path], P, "step", power=P, detuning=nu)
-    points["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
-    return points.assign_attrs(warm.doubts)
+        path.append(lasting[nearest] if jumped[k] else same[0])
+    further = {"power": P, "detuning": nu, "jumped": jumped}
+    return described("slow sweep", ring, model, at, U[path], D[path], P, "step", **further).assign_attrs(warm.doubts)
 
 
 def _in_range(curve: Curve, low: float, high: float, P: Array, nu: Array) -> tuple[Array, ...]:

@@ -1,27 +1,27 @@
 """Roots of functions of one variable on a grid, and distances from polylines."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from thermofem.arrays import Array, NDArray, runs_of
+from thermofem.arrays import Array, Indices, Mask, runs_of
 
 Curve = Callable[[Array], Array]  # of the parameter, shape (n,); coordinates, shape (m, n)
+Functions = Callable[[Array, Indices], Array]  # values of the functions of given numbers at x, elementwise
 
 
-def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array) -> Array:
+def newton(f: Callable[[Array], tuple[Array, Array]], low: Array, high: Array, first: Array, last: Array) -> Array:
     """Return the roots in brackets by Newton's method, with bisection where a step leaves the bracket or is too long.
 
     f(x): values and slopes, elementwise.
-    ends, values [shape (2, n)]: ends of the brackets, and f there, of opposite signs.
+    low, high [shape (n,)]: ends of the brackets; first, last: f there, of opposite signs.
     """
-    low, high = ends
-    rises = values[1] > 0
+    rises = last > 0
     step = high - low
     done = np.zeros(low.shape, dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        secant = low - values[0] * step / (values[1] - values[0])
+        secant = low - first * step / (last - first)
         x = np.fmin(np.fmax(secant, low), high)
         for _ in range(200):
             value, slope = f(x)
@@ -43,9 +43,23 @@ def newton(f: Callable[[Array], tuple[Array, Array]], ends: Array, values: Array
     return x
 
 
-def zeros(
-    f: Callable[[Array, NDArray[np.intp]], Array], grid: Array, count: int = 1, values: Array | None = None
-) -> tuple[Array, NDArray[np.intp]]:
+class Brackets(NamedTuple):
+    """Intervals with one root each: ends, values there, and the number of the function."""
+
+    low: Array
+    high: Array
+    first: Array
+    last: Array
+    number: Indices
+
+    @classmethod
+    def joined(cls, parts: Sequence[Sequence[Array | Indices]]) -> Self:
+        """The intervals of all parts."""
+        columns: Any = zip(*parts, strict=True)
+        return cls(*map(np.concatenate, columns))
+
+
+def zeros(f: Functions, grid: Array, count: int = 1, values: Array | None = None) -> tuple[Array, Indices]:
     """Return the roots of ``count`` functions within an increasing grid, and the index of the function of each root.
 
     ``f(x, k)`` evaluates function k at x, elementwise; ``values`` are those on the grid, shape (count, n), if known.
@@ -53,43 +67,28 @@ def zeros(
     computed and, where f has changed sign, splits the interval. Sorted by function, then by x.
     """
     k, i = np.mgrid[:count, : grid.size]
-    x = grid[i]
-    y = f(x, k) if values is None else values
+    y = f(grid[i], k) if values is None else values
     positive = y > 0
     changed = positive[:, 1:] != positive[:, :-1]
-    ends = (x[:, :-1], x[:, 1:], y[:, :-1], y[:, 1:], k[:, 1:])
-    signs = _Brackets(*(column[changed] for column in ends))
-    dips = _brackets_in_dips(f, x, y, k, changed)
-    columns = zip(signs, *dips, strict=True)
-    low, high, first, last, number = map(np.concatenate, columns)
+    row, column = np.nonzero(changed)
+    signs = (grid[column], grid[column + 1], y[row, column], y[row, column + 1], row)
+    low, high, first, last, number = Brackets.joined([signs, *_brackets_in_dips(f, grid, y, ~changed)])
 
     def value_and_slope(x: Array) -> tuple[Array, Array]:
         value, slope, _ = _differences(f, x, number, high - low)
         return value, slope
 
-    root = newton(value_and_slope, np.array([low, high]), np.array([first, last]))
+    root = newton(value_and_slope, low, high, first, last)
     order = np.lexsort([root, number])
     return root[order], number[order]
 
 
-class _Brackets(NamedTuple):
-    """Intervals with one root each: ends, values there, and the number of the function."""
-
-    low: Array
-    high: Array
-    first: Array
-    last: Array
-    number: NDArray[np.intp]
-
-
-def _brackets_in_dips(
-    f: Callable[[Array, NDArray[np.intp]], Array], x: Array, y: Array, k: NDArray[np.intp], changed: NDArray[np.bool_]
-) -> list[_Brackets]:
+def _brackets_in_dips(f: Functions, grid: Array, y: Array, unchanged: Mask) -> list[list[Array | Indices]]:
     """Both halves of every interval around a local minimum of |f| whose extremum has the other sign."""
-    before = np.abs(y[:, :-2])
-    here = np.abs(y[:, 1:-1])
-    after = np.abs(y[:, 2:])
-    unchanged = ~changed
+    size = np.abs(y)
+    before = size[:, :-2]
+    here = size[:, 1:-1]
+    after = size[:, 2:]
     dip = unchanged[:, 1:] & unchanged[:, :-1]
     dip &= here < before
     dip &= here <= after
@@ -99,29 +98,24 @@ def _brackets_in_dips(
     dip &= (after - before) ** 2 > drop  # by the parabola
     if not dip.any():
         return []
-    low = x[:, :-2][dip]
-    high = x[:, 2:][dip]
-    number = k[:, 1:-1][dip]
-    first = y[:, :-2][dip]
-    middle = y[:, 1:-1][dip]
-    last = y[:, 2:][dip]
+    row, column = np.nonzero(dip)
+    low = grid[column]
+    high = grid[column + 2]
+    first, middle, last = y[row, column + np.arange(3)[:, None]]
 
     def slope_and_curvature(x: Array) -> tuple[Array, Array]:
-        _, slope, bend = _differences(f, x, number, high - low)
+        _, slope, bend = _differences(f, x, row, high - low)
         return slope, bend
 
-    turns = np.array([middle - first, last - middle])
-    bottom = newton(slope_and_curvature, np.array([low, high]), turns)
-    least = f(bottom, number)
+    bottom = newton(slope_and_curvature, low, high, middle - first, last - middle)
+    least = f(bottom, row)
     crossed = (least > 0) != (middle > 0)
-    left = (low, bottom, first, least, number)
-    right = (bottom, high, least, last, number)
-    return [_Brackets(*(column[crossed] for column in side)) for side in (left, right)]
+    left = (low, bottom, first, least, row)
+    right = (bottom, high, least, last, row)
+    return [[column[crossed] for column in side] for side in (left, right)]
 
 
-def _differences(
-    f: Callable[[Array, NDArray[np.intp]], Array], x: Array, k: NDArray[np.intp], width: Array
-) -> tuple[Array, Array, Array]:
+def _differences(f: Functions, x: Array, k: Indices, width: Array) -> tuple[Array, Array, Array]:
     """Values, first and second derivatives of functions k at x, by central differences with step 1e-5 ``width``."""
     h = 1e-5 * width
     points = np.array([x - h, x, x + h])
@@ -139,7 +133,7 @@ def intervals_in_window(curve: Curve, grid: Array) -> list[tuple[float, float]]:
     """
     rows = len(curve(grid[:1]))
 
-    def distance(s: Array, k: NDArray[np.intp]) -> Array:
+    def distance(s: Array, k: Indices) -> Array:
         """Distance of the coordinate k // 2 from 0 (even k) or from 1 (odd k)."""
         coordinates = curve(s.ravel())
         row = k.ravel()[None] // 2

@@ -20,7 +20,7 @@ from thermofem.ring_temperature import check_read, detuning_output
 from ..inputs import check_detuning, check_power, check_ring
 from ..resistive_heaters import at_rest
 from ..resonator import RingResonator
-from ..thermal import check_geometry, geometry_of, mode_of
+from ..thermal import Heaters, check_geometry, geometry_of, mode_of
 from . import bundle, contents
 from .contents import family_of
 from .section import section_of
@@ -63,7 +63,7 @@ def explore(
     detuning: float = 0.0,
     heat: HeatProblem | None = None,
     family: Any = None,
-    heaters: Mapping[str, Any] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
 ) -> Page:
@@ -194,7 +194,7 @@ def _middle(family: Any) -> Any:
     return family.model(**dict(zip(family.names, middle, strict=True)))
 
 
-def _heater_powers(sliders: list[dict[str, Any]], heaters: Mapping[str, Any] | None, model: Any) -> dict[str, float]:
+def _heater_powers(sliders: list[dict[str, Any]], heaters: Heaters, model: Any) -> dict[str, float]:
     """Return the initial powers of the heaters in mW, with the keys "h0", "h1", ... of their sliders; default 0."""
     names = [slider["name"] for slider in sliders]
     drives = checks.mapping("heaters", heaters)

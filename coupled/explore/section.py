@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.linalg import eigh
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Mask
 from thermofem.fem import HeatProblem
 from thermofem.geometry.section_parts import AMBIENT
 from thermofem.materials.material_library import VOID
@@ -111,7 +111,7 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     return (left, right), (bottom, min(bottom + high, ceiling))
 
 
-def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
+def _within(heat: HeatProblem, grid: Array) -> Mask:
     """Return whether each point (r, z) of ``grid``, shape (..., 2), lies in a material, not in a void or the air."""
     r = grid[..., 0]
     z = grid[..., 1]

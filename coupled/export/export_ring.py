@@ -94,20 +94,18 @@ def export_ring(
 
 def _rests(ring: RingResonator | Circuit, model: Any, run: Demonstration) -> bool:
     """Whether a demonstration is at rest at its end, with all its rings; False where `simulate` does not take it."""
-    drive: dict[str, Any] = {"power": run.power, "detuning": run.detuning, "duration": DURATION}
+    power: Any = run.power
     if isinstance(ring, Circuit):
-        drive["power"] = {laser.name: run.power for laser in ring.lasers}
-        try:
-            traces = simulate(ring, model, **drive)
-        except InputError:
-            return False
-        return all(pulsing(traces.sel(ring=name)).regime == Regime.STABLE for name in ring.names)
-    small = lit_channel(model, ring.read)
+        power = {laser.name: run.power for laser in ring.lasers}
+    else:
+        model = without_origin(lit_channel(model, ring.read))
+        ring = as_read(ring, model)
     try:
-        trace = simulate(as_read(ring, small), without_origin(small), **drive)
+        end = simulate(ring, model, power=power, detuning=run.detuning, duration=DURATION)
     except InputError:
         return False
-    return bool(pulsing(trace).regime == Regime.STABLE)
+    traces = [end.sel(ring=name) for name in ring.names] if isinstance(ring, Circuit) else [end]
+    return all(pulsing(trace).regime == Regime.STABLE for trace in traces)
 
 
 def _check_read(light: RingResonator | Circuit, model: Any, origin: Mapping[str, Any]) -> None:

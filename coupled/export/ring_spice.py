@@ -184,12 +184,11 @@ def _heat_of_rings(
     count = len(rings)
     parts = net.parts
     if count > 1 and len(parts) > 1 and len(model.outputs) == count <= len(model.inputs):
-        own = list(model.inputs[:count])
-        order = [own.index(ring) for ring in circuit.names] if {*own} == {*circuit.names} else range(count)
         pin = dict(zip(parts, identifiers(parts, taken=(*taken, *rings)), strict=True))
-        pin |= {own[k]: ring for ring, k in zip(rings, order, strict=True)}
+        pin |= zip(model.inputs[:count], rings, strict=True)
         line = f"Xheat {' '.join(pin[part] for part in parts)} ambient {name}_heat"
-        return [line], list(pin.values()), [(pin[own[k]], pin[model.outputs[k]]) for k in order]
+        outputs = [pin[part] for part in model.outputs]
+        return [line], list(pin.values()), list(zip(rings, outputs, strict=True))
     if len(model.inputs) > 1 and count > 1:
         raise InputError(
             f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {count} rings: one of "

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Mask
 
 FORWARD_STEP = 1e-3  # of a logarithm, for forward differences
 STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # for central ones, of which the largest is taken about which a trace is straight
@@ -16,7 +16,7 @@ AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound counts as on 
 Residuals = Callable[[Array], "Array | None"]  # None where the parameters give no model
 
 
-def at_bound(x: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+def at_bound(x: Array, low: Array, high: Array) -> Mask:
     """Boolean mask of the parameters ``x`` (logarithms) that lie on a bound of the search, to `AT_BOUND`."""
     return (x < low + AT_BOUND) | (x > high - AT_BOUND)
 

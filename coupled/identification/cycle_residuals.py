@@ -1,5 +1,6 @@
 """Comparison of measured cycles with those of simulated runs: residuals, and reasons to doubt a fit."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -142,17 +143,9 @@ def comparison(
             period = np.nan
             notes.append(f"the pulses of the model of traces[{k}] do not repeat: it has no period there")
         rows.append([target.power, target.detuning, trace.period, period, np.sqrt(np.mean(off**2)) / trace.scale])
-    power, detuning, period, own_period, shape = np.array(rows).T
-    about = {"units": "1", "long_name": "rms difference of the cycles over the swing"}
-    errors = xr.Dataset(
-        {
-            "power": ("trace", power, dataset.describe("input_power")),
-            "detuning": ("trace", detuning, dataset.describe("detuning")),
-            "period": ("trace", period, dataset.describe("period")),
-            "period_model": ("trace", own_period, dataset.describe("period")),
-            "shape_error": ("trace", shape, about),
-        }
-    )
+    names = ("power", "detuning", "period", "period_model", "shape_error")
+    columns = dict(zip(names, np.transpose(rows), strict=True))
+    errors = over_traces(columns)
     units = {target.unit for target in targets}
     unit = units.pop() if len(units) == 1 else "unit of the trace"
     about = dataset.describe("drop") if unit == "W" else {"units": unit, "long_name": "drop signal"}
@@ -161,7 +154,12 @@ def comparison(
         {name: (("trace", "phase"), drawn[:, k], about) for k, name in enumerate(("drop", "drop_model"))},
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "fraction of the cycle"})},
     )
-    return errors, cycles, tuple(notes) or read_apart(period, own_period)
+    return errors, cycles, tuple(notes) or read_apart(columns["period"], columns["period_model"])
+
+
+def over_traces(columns: Mapping[str, Array]) -> xr.Dataset:
+    """A Dataset over trace of drives, periods and numbers of a fit."""
+    return xr.Dataset(dataset.variables("trace", columns, power="input_power", period_model="period"))
 
 
 def doubts(what: Unknowns, spread: Array, values: Array, factor: float, off: float) -> list[str]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from thermofem import InputError, checks
-from thermofem.arrays import Array, Complex, NDArray, noise_of
+from thermofem.arrays import Array, Complex, Mask, noise_of
 from thermofem.data.variables import in_si
 
 from ..inputs import check_detuning, check_power, datasets, noises
@@ -380,9 +380,9 @@ class Target:
         return -(-int(self._late.sum()) // MOST_TRACE_SAMPLES)
 
     @property
-    def _late(self) -> NDArray[np.bool_]:
+    def _late(self) -> Mask:
         """Which samples are in the second half."""
-        late: NDArray[np.bool_] = self.times >= (self.times[0] + self.times[-1]) / 2
+        late: Mask = self.times >= (self.times[0] + self.times[-1]) / 2
         return late
 
     def _late_samples(self) -> tuple[Array, Array]:

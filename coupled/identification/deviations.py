@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Indices
 
 from ..unknowns import Unknowns, varied
 from .box_search import End, Prior, at_bound, central_slopes, least_squares
 from .cycle_residuals import SOFT, STAGES, Stage, residuals
 from .cycles import Target
-from .held_numbers import HELD_STEP, held_numbers, moved_minimum
+from .held_numbers import HELD_STEP, held_numbers
 
 WIDENED, FLAT = 8, 2.0  # most widenings, and rise of the misfit at two deviations, 4 of a parabola, that calls for one
 ORDER = 6  # of the divided differences in which a smooth trace vanishes and white noise does not
@@ -157,39 +157,38 @@ def leaning_of(
     with C = (J^T J + L)^-1, g = d ln R_th/d ln x, and D such that the diagonal of D C D is that of the deviations by
     noise.
     """
-    x = np.log([parameters[name] for name in what.names])
-    relative = np.array([deviations[name] / parameters[name] for name in what.names])
+    values = np.array([*parameters.values()])
+    x = np.log(values)
+    relative = np.array([*deviations.values()]) / values
     soft = bool(np.abs(x - end.x).max() > ASIDE)
     stage = SOFT if soft else STAGES[-1]
-    own = residuals(what, targets, stage)(x)
+    of = residuals(what, targets, stage)
+    own = of(x)
     assert own is not None
-    J = central_slopes(residuals(what, targets, stage), x, own, len(targets)) if soft else end.J
+    J = central_slopes(of, x, own, len(targets)) if soft else end.J
     L = np.zeros_like(prior.precision) if soft else prior.precision
     free = np.flatnonzero(~at_bound(x, what.low, what.high))
     sensitivities: dict[str, dict[str, float]] = {what.names[k]: {} for k in free}
     slope = _resistance_slopes(what, x)
     inside = J[:, free]
-    precision = L[np.ix_(free, free)]
-    C = np.asarray(np.linalg.pinv(inside.T @ inside + precision), dtype=float)
+    C = np.asarray(np.linalg.pinv(inside.T @ inside + L[np.ix_(free, free)]), dtype=float)
     resistance_variance = _variance_by_noise(slope, relative, free, C)
     variance = relative**2
-    for name, value in held_numbers(what.ring, what.names).items():
-        change = _change(what, targets, stage, x, own, name, value)
+    for name, number in held_numbers(what.ring, what.names).items():
+        change = _change(what, targets, stage, x, own, name, number)
         if change is None:
             continue
         slopes = np.zeros(x.size)
-        slopes[free] = moved_minimum(inside, change, precision)
-        share = held.get(name, 0.0) / value
+        slopes[free] = -C @ (inside.T @ change)
+        share = held.get(name, 0.0) / number
         variance = variance + (slopes * share) ** 2
         resistance_variance += float(slope @ slopes * share) ** 2
         for k in free:
             sensitivities[what.names[k]][name] = float(slopes[k])
     _, model = what.build(x)
     bar = float(model.thermal_resistance) * float(np.sqrt(resistance_variance))
-    widened = {}
-    for name, s in zip(what.names, np.sqrt(variance), strict=True):
-        widened[name] = float(s * parameters[name])
-    return Leaning(sensitivities, widened, bar)
+    widened = (np.sqrt(variance) * values).tolist()
+    return Leaning(sensitivities, dict(zip(what.names, widened, strict=True)), bar)
 
 
 def _change(
@@ -201,7 +200,7 @@ def _change(
     return None if moved is None else (moved - own) / HELD_STEP
 
 
-def _variance_by_noise(slope: Array, relative: Array, free: NDArray[np.intp], C: Array) -> float:
+def _variance_by_noise(slope: Array, relative: Array, free: Indices, C: Array) -> float:
     """g^T D C D g of a quantity with the slopes g, for deviations of all parameters; C [of the ``free`` ones].
 
     inf or nan where the quantity depends on a parameter whose deviation is so.

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array
 
 from ..resonator import RingResonator
 from ..unknowns import COMPUTED, fitted_names, number_of
@@ -47,12 +46,6 @@ def held_deviations(held: Mapping[str, float] | None, known: Sequence[str], free
         checks.choice("a name in held", name, known)
         checks.between(f"held[{name!r}]", deviation, 0, np.inf)
     return {name: float(deviation) for name, deviation in given.items()}
-
-
-def moved_minimum(J: Array, change: Array, precision: Array | None = None) -> Array:
-    """dx/dp of a least-squares minimum, shape (unknowns,), from J = dr/dx, dr/dp and the precision L of a prior."""
-    normal_matrix = J.T @ J + (np.zeros((J.shape[1], J.shape[1])) if precision is None else precision)
-    return np.asarray(-np.linalg.lstsq(normal_matrix, J.T @ change, rcond=None)[0])
 
 
 def leaning(sensitivities: Mapping[str, Mapping[str, float]], most: int = 3) -> list[str]:

@@ -178,12 +178,12 @@ def identify(
     seed = checks.seed(seed)
     runs = checks.integer("runs", runs, 1, 100, hint="minima of the first step that are followed")
     with bar("identify", runs, show_bar) as advance:
-        found = _searched(what, targets, runs, seed, advance)
-    if not found:
+        fits = _enough(_fits(what, targets, runs, seed, advance))
+    if not fits:
         raise checks.InputError("no model in the bounds could be integrated under the drive of the traces")
-    result = _result(what, targets, found)
+    result = _result(what, targets, fits)
     if not result.failed:
-        _, end, prior = found[0]
+        _, end, prior = fits[0]
         leaning = leaning_of(what, targets, end, prior, result.parameters, result.standard_deviations, held)
         result = replace(result, **leaning._asdict())
     return replace(result, notes=contradicted + result.notes)
@@ -225,21 +225,34 @@ def _rms(r: Array, unknowns: int) -> float:
     return float(np.sqrt(r @ r / max(int(np.count_nonzero(r)) - unknowns, 1)))
 
 
-def _searched(
+class Fit(NamedTuple):
+    """An end of the search with its misfit, and the forced fit from which it started."""
+
+    misfit: float
+    end: End
+    start: Prior
+
+
+def _fits(
     what: Unknowns, targets: list[Target], runs: int, seed: int, advance: Callable[[], None]
-) -> list[tuple[float, End, Prior]]:
-    """Misfit, fit and prior of all fits, the best first; stops at one at the noise level or one found twice."""
-    found: list[tuple[float, End, Prior]] = []
-    starts = forced_starts(what, [target.forced for target in targets], seed)
-    for start in starts[:runs]:
+) -> Iterator[Fit]:  # fmt: skip
+    """All fits, in the order of the search."""
+    for start in forced_starts(what, [target.forced for target in targets], seed)[:runs]:
         advance()
         for end in _followed(what, targets, start, seed):
-            # two results that differ by less than 3 % are one
-            twice = any(np.abs(end.x - other.x).max() < 0.03 for _, other, _ in found)
-            found.append((_rms(end.r, end.x.size), end, start))
-            if twice or found[-1][0] < NOISE_LEVEL:
-                return sorted(found, key=itemgetter(0))
-    return sorted(found, key=itemgetter(0))
+            yield Fit(_rms(end.r, end.x.size), end, start)
+
+
+def _enough(fits: Iterator[Fit]) -> list[Fit]:
+    """The fits up to one at the noise level or one found twice, the best first."""
+    ends: list[Fit] = []
+    for fit in fits:
+        # two results that differ by less than 3 % are one
+        twice = any(np.abs(fit.end.x - other.end.x).max() < 0.03 for other in ends)
+        ends.append(fit)
+        if twice or fit.misfit < NOISE_LEVEL:
+            break
+    return sorted(ends, key=itemgetter(0))
 
 
 class Judgement(NamedTuple):
@@ -251,10 +264,9 @@ class Judgement(NamedTuple):
     notes: list[str]
 
 
-def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
+def _by_noise(what: Unknowns, targets: list[Target], fits: list[Fit]) -> Judgement:
     """Test the best fit against the noise of the traces, from which the deviations follow."""
-    best, *others = found
-    misfit, end, start = best
+    misfit, end, start = fits[0]
     if misfit > NOISE_LEVEL:
         return _failed(_soft_fit(what, targets, end.x), f"the traces by {misfit:.3g} times their noise")
     wide = curvature(what, targets, STAGES[-1], end.x, start)
@@ -262,7 +274,7 @@ def _by_noise(what: Unknowns, targets: list[Target], found: list[tuple[float, En
     step = end.x - start.centre
     off = float(np.sqrt(step @ start.precision @ step / step.size))
     notes = doubts(what, deviations, np.exp(end.x), wide.factor, off)
-    return Judgement(end.x, deviations, False, notes + _others(end.x, deviations, misfit, others))
+    return Judgement(end.x, deviations, False, notes + _others(deviations, fits))
 
 
 def _noise_factor(targets: list[Target], end: End, misfit: float) -> float:
@@ -273,14 +285,14 @@ def _noise_factor(targets: list[Target], end: End, misfit: float) -> float:
     return misfit if many else max(misfit, 1.0)
 
 
-def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Judgement:
+def _by_model_error(what: Unknowns, targets: list[Target], fits: list[Fit]) -> Judgement:
     """Deviations where the traces have no noise: what is left is the error of the model, or of its integration.
 
     They add in quadrature what the slopes give with residuals as large as those that are left, the spread over starts
     that end at the lowest misfit, and that over fits without one trace each. A model within 1.5 times 3e-5 of the
     period and 2e-4 of the swing is compared to these, any other to 1 and 4 %.
     """
-    misfit, end, start = found[0]
+    misfit, end, start = fits[0]
     follows = misfit <= NOISE_LEVEL
     stage = STAGES[-1] if follows else SOFT
     x = end.x if follows else _soft_fit(what, targets, end.x)
@@ -297,7 +309,7 @@ def _by_model_error(what: Unknowns, targets: list[Target], found: list[tuple[flo
     wide = curvature(what, targets, stage, x, prior)
     # residuals by integration are no noise: over the harmonics they add up to twice what they would in quadrature
     slopes = unknown_as_inf(wide.deviations * (2.0 * max(left, 1.0) if follows else left))
-    alike = [e.x for m, e, _ in found[1:] if m < ALIKE * misfit]
+    alike = [fit.end.x for fit in fits[1:] if fit.misfit < ALIKE * misfit]
     if not follows:
         alike = [_soft_fit(what, targets, y) for y in alike]
     ends = np.array([x, *alike])
@@ -327,19 +339,21 @@ def _failed(x: Array, misses: str) -> Judgement:
     return Judgement(x, np.full(x.size, np.nan), True, [note])
 
 
-def _others(x: Array, deviations: Array, misfit: float, others: list[tuple[float, End, Prior]]) -> list[str]:
-    """A sentence where another end of the search, many deviations away, fits as well as ``x``."""
+def _others(deviations: Array, fits: list[Fit]) -> list[str]:
+    """A sentence where another end of the search, many deviations away, fits as well as the best."""
+    best = fits[0]
     size = np.maximum(np.nan_to_num(deviations, posinf=1.0), 1e-3)
-    if any(m < ALIKE * misfit and np.abs((end.x - x) / size).max() > 10 for m, end, _ in others):
+    alike = [fit.end.x for fit in fits if fit.misfit < ALIKE * best.misfit]
+    if np.abs((np.array(alike) - best.end.x) / size).max() > 10:
         return ["another set of parameters fits as well: free fewer, or give traces of other powers"]
     return []
 
 
-def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End, Prior]]) -> Identification:
+def _result(what: Unknowns, targets: list[Target], fits: list[Fit]) -> Identification:
     """Judge the best fit, compare its cycles with the traces, and assemble the Identification."""
     smooth = without_noise(targets)
     judge = _by_model_error if smooth else _by_noise
-    x, deviations, failed, notes = judge(what, targets, found)
+    x, deviations, failed, notes = judge(what, targets, fits)
     ring, model = what.build(x)
     errors, cycles, more = comparison(ring, model, targets)
     if more:
@@ -348,9 +362,9 @@ def _result(what: Unknowns, targets: list[Target], found: list[tuple[float, End,
     for note in notes:
         log.warning("%s", note)
     values = np.exp(x)
-    tried = np.exp([end.x for _, end, _ in found])
+    tried = np.exp([fit.end.x for fit in fits])
     samples = {name: ("run", tried[:, k]) for k, name in enumerate(what.names)}
-    misfits = [misfit for misfit, _, _ in found]
+    misfits = [fit.misfit for fit in fits]
     return Identification(
         parameters=dict(zip(what.names, values.tolist(), strict=True)),
         standard_deviations=dict(zip(what.names, (values * deviations).tolist(), strict=True)),

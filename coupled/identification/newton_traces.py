@@ -2,18 +2,15 @@
 
 import logging
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
-
-from thermofem.data import dataset
 
 from ..inputs import bar, check_ring
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .box_search import at_bound, cost, least_squares
-from .cycle_residuals import Stage, free_run, residuals
+from .cycle_residuals import Stage, free_run, over_traces, residuals
 from .cycles import targets_of
 
 log = logging.getLogger("thermofem")
@@ -90,17 +87,8 @@ def fit_newton_per_trace(
             drive = [target.power, target.detuning]
             rows.append([*drive, *pair, target.period, cycle.period, np.sqrt(end.cost)])
             advance()
-    abouts: dict[str, Any] = {
-        "power": dataset.describe("input_power"),
-        "detuning": dataset.describe("detuning"),
-        "tau_th": {"units": "s", "long_name": "thermal lifetime"},
-        "heat_capacity": {"units": "J/K", "long_name": "heat capacity m c_p"},
-        "period": dataset.describe("period"),
-        "period_model": dataset.describe("period"),
-        "misfit": {"units": "1", "long_name": "root of the sum of squared residuals"},
-    }
-    columns = zip(abouts.items(), np.transpose(rows), strict=True)
-    fits = xr.Dataset({name: ("trace", column, about) for (name, about), column in columns})
+    names = ("power", "detuning", "tau_th", "heat_capacity", "period", "period_model", "misfit")
+    fits = over_traces(dict(zip(names, np.transpose(rows), strict=True)))
     pulses = np.isfinite((fits["tau_th"] * fits["period_model"]).values)
     x = fits["tau_th"].values[pulses]
     y = fits["heat_capacity"].values[pulses]

@@ -26,7 +26,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
-from . import structures
+from . import library as structures
 from .library import library
 from .problem_parts import Drive, Network, PoleHeat, Polynomials, QuadraticHeat, Rings
 from .tableaus import Method, tableau

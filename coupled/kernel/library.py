@@ -1,4 +1,8 @@
-"""Building and loading the compiled kernel; it is compiled again, by $CXX, ziglang or g++, when a source is newer."""
+"""Building and loading the compiled kernel, and the structures that Python fills for it.
+
+It is compiled again, by $CXX, ziglang or g++, when a source is newer. Fields of structures stand in the order of
+`equations.hpp`, `loop.hpp` and `kernel.hpp`; the past of a circuit is flat here.
+"""
 
 import ctypes
 import importlib.util
@@ -22,6 +26,42 @@ NARROW = ("-mprefer-vector-width=256",) if platform.machine() in ("x86_64", "AMD
 NAME = "ring" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 SECOND = "_v3"  # end of the name of a second library in wheels of x86-64, for processors since 2013: a fifth less time
 NO_COMPILER = "coupled/kernel is not compiled, and there is no C++ compiler: pip install ziglang, or set CXX"
+
+_D, _I, _L, _P = ctypes.c_double, ctypes.c_int, ctypes.c_int64, ctypes.c_void_p
+
+
+def _structure(name: str, *fields: tuple[str, Any]) -> Any:
+    parts = [(each, kind) for names, kind in fields for each in names.split()]
+    return type(name, (ctypes.Structure,), {"_fields_": parts})
+
+
+Table = _structure("Table", ("columns terms", _I), ("place edges c", _P))
+Method = _structure("Method", ("stages order", _I), ("gamma", _D), ("a c dense at slope", _P))
+Problem = _structure(
+    "Problem",
+    ("rings fields order terms lasers pieces heat light delays waves", _I),
+    ("method", Method),
+    ("modes carriers dispersion bend own floor read weight gain rate cross A H G B edges jumps varies", _P),
+    ("power phase detuning", Table),
+    ("entry brightest sequence between taken sent delay late seen_ring seen_laser seen_late corner", _P),
+    ("energies", _I),
+    ("time_tolerance", _D),
+)
+Loop = _structure(
+    "Loop",
+    ("t h h_before size_before growth rtol longest restart cap rest_step level seen crossing", _D),
+    ("accepted rejected rest_again filled room budget", _L),
+    ("begun piece entered fresh per_step quantity ring stop", _I),
+    ("past", _P),
+    ("past_filled past_room", _L),
+)
+ReturnMap = _structure(
+    "ReturnMap",
+    ("p edges fixed slow rows steps", _P),
+    ("fixed_count n room filled count", _L),
+    ("memory", _P),
+)
+STRUCTURES = {"Table": Table, "Method": Method, "Problem": Problem, "Loop": Loop, "ReturnMap": ReturnMap}
 
 
 def compiler() -> list[str]:
@@ -108,14 +148,49 @@ def chosen(file: Path) -> Path:
     return second if is_current(second) and has_v3() else file
 
 
+class Place(ctypes.Structure):
+    """A field's offset, or a structure's size, in bytes: ``Place`` of layout.cpp."""
+
+    _fields_ = (("name", ctypes.c_char_p), ("bytes", _L))
+
+
+def python_layout() -> dict[str, int]:
+    """Offset of every field, such as "Loop.t", and size of every structure, such as "Loop", in bytes."""
+    layout = {}
+    for name, structure in STRUCTURES.items():
+        for field, _ in structure._fields_:
+            layout[f"{name}.{field}"] = int(getattr(structure, field).offset)
+        layout[name] = ctypes.sizeof(structure)
+    return layout
+
+
+def kernel_layout(kernel: ctypes.CDLL) -> dict[str, int]:
+    """The same as the compiled kernel has it, by its table `ring_layout`."""
+    kernel.ring_layout.restype = ctypes.POINTER(Place)
+    places = kernel.ring_layout()
+    layout = {}
+    row = 0
+    while places[row].name is not None:
+        layout[places[row].name.decode()] = int(places[row].bytes)
+        row += 1
+    return layout
+
+
+def check_layout(kernel: ctypes.CDLL) -> None:
+    """Raise RuntimeError naming the fields that lie elsewhere in the kernel than in this file."""
+    here = python_layout()
+    there = kernel_layout(kernel)
+    moved = sorted(name for name in here.keys() | there.keys() if here.get(name) != there.get(name))
+    if moved:
+        raise RuntimeError(f"coupled/kernel/library.py has other structures than what is compiled: {', '.join(moved)}")
+
+
 @cache
 def library() -> ctypes.CDLL:
     """Return the loaded library; it is compiled first if it is missing or older than a source.
 
-    Raises RuntimeError: it lays out a structure otherwise than `structures`.
+    Raises RuntimeError: it lays out a structure otherwise than Python.
     """
-    from .structures import check_layout  # not where a wheel is built, which runs this file alone
-
     file = path()
     if not is_current(file):
         build(file)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, Complex, NDArray
 
 SINGLE, BUS, LOOPS = range(3)  # how light passes the rings, as in equations.hpp
 
@@ -96,7 +96,7 @@ class Drive(NamedTuple):
     """Phase of each laser in rad, values of shape (times, L)."""
     detuning: Polynomials
     """Detuning of each field in rad/ns, values of shape (times, R F)."""
-    entry: NDArray[np.complex128]
+    entry: Complex
     """Shape (R F, L): drive amplitude of each field per square root of the power of each laser."""
     brightest: Array
     """Shape (L,): largest power of each laser, above 0."""
@@ -105,12 +105,13 @@ class Drive(NamedTuple):
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
         """Return the drive of one ring under constant light: 2 gamma_e P (fJ/ns^2), detuning (rad/ns), length (ns)."""
         edges = np.array([0.0, duration])
-        P = Polynomials(edges, np.array([[[power, 0.0, 0.0, 0.0]]]))
-        phase = Polynomials(edges, np.array([[[0.0, 0.0, 0.0, 0.0]]]))
-        turn = Polynomials(edges, np.array([[[detuning, 0.0, 0.0, 0.0]]]))
+
+        def steady(value: float) -> Polynomials:
+            return Polynomials(edges, np.full((1, 1, 1), value))
+
         entry = np.ones((1, 1), dtype=complex)
         brightest = np.array([max(power, 1e-300)])
-        return cls(edges, P, phase, turn, entry, brightest)
+        return cls(edges, steady(power), steady(0.0), steady(detuning), entry, brightest)
 
 
 class Network(NamedTuple):
@@ -133,16 +134,16 @@ class Network(NamedTuple):
     """
 
     light: int
-    own: NDArray[np.complex128]
+    own: Complex
     sequence: NDArray[np.int32]
-    between: NDArray[np.complex128]
-    taken: NDArray[np.complex128] | None
-    sent: NDArray[np.complex128] | None
+    between: Complex
+    taken: Complex | None
+    sent: Complex | None
     delay: Array
-    late: NDArray[np.complex128]
-    seen_ring: NDArray[np.complex128]
-    seen_laser: NDArray[np.complex128]
-    seen_late: NDArray[np.complex128]
+    late: Complex
+    seen_ring: Complex
+    seen_laser: Complex
+    seen_late: Complex
     corner: Array | None
     energies: bool
     time_tolerance: float

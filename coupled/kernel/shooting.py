@@ -11,7 +11,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
-from . import structures
+from . import library as structures
 from .integrator import DONE, EVENT, FULL, TOO_SMALL, Problem, no_step
 from .library import library
 from .problem_parts import PoleHeat

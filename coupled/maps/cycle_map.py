@@ -22,7 +22,7 @@ from ..kernel.shooting import FINE, PeriodicOrbit, ReturnMap
 from ..kernel.tableaus import Method
 from ..kernel.units import NS, internal_detuning
 from ..runs.pulsing import Regime
-from .grid import Point
+from .stability_map import Point
 
 
 class Cell(NamedTuple):
@@ -69,7 +69,7 @@ def settled_row(model: Any, points: list[Point], fixed: list[Fixed | str], watch
 
 
 class _Row:
-    """Settled cycles of one ring at one power, detuning after detuning; implements `cycles.cycle_problem.Shooting`."""
+    """Settled cycles of one ring at one power, detuning after detuning; `cycle_problem.settled` takes it as a flow."""
 
     heat = 3  # index of the first of its states
 

@@ -32,9 +32,9 @@ from ..resonator import RingResonator
 from ..runs.pulsing import FEWEST, Pulsing, Regime, Rest, classify, lasting
 from ..runs.window import Window, advance
 from ..states import State
-from ..thermal import Compact, long_enough, provenance, trusted
+from ..thermal import Compact, Heaters, long_enough, provenance, trusted
 from .cycle_map import Cell, settled_row
-from .grid import Point, fixed_of, grid_of
+from .stability_map import Point, fixed_of, grid_of
 
 FAILED = "failed"
 VERSION = 3  # of the lines of a file of a map: [row, cells, hash]
@@ -55,7 +55,7 @@ def pulsing_map(
     detunings: ArrayLike,
     *,
     vary: Mapping[str, ArrayLike] | None = None,
-    heaters: Mapping[str, float] | None = None,
+    heaters: Heaters = None,
     heated: str | None = None,
     read: str | None = None,
     settled: bool | None = None,
@@ -128,7 +128,7 @@ def pulsing_map(
     """
     warm = warmed(ring, model, heaters, heated, read)
     small = warm.model
-    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
+    grid = grid_of(ring, powers, detunings, vary, warm)
     settled = _settled(settled, ring, traces=not (duration is None and follow is None))
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-6 gives periods to 2e-4")
@@ -172,10 +172,8 @@ def pulsing_map(
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
     columns = {name: np.array([[getattr(cell, name) for cell in row] for row in rows]) for name in Cell._fields}
-    trusted(model, columns["rise"])
-    shown = ("regime", "period", "duty", "swing", "reason")
-    variables = {name: (grid.names, columns[name], dataset.describe(name)) for name in shown}
-    return xr.Dataset(variables, grid.coordinates(), {**attrs, **warm.doubts})
+    trusted(model, columns.pop("rise"))
+    return xr.Dataset(dataset.variables(grid.names, columns), grid.coordinates(), {**attrs, **warm.doubts})
 
 
 def _settled(settled: bool | None, ring: RingResonator, *, traces: bool) -> bool:

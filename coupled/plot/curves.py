@@ -28,6 +28,14 @@ MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubl
          "Hopf": ("o", "Hopf point")}  # fmt: skip
 BRANCH = "a Dataset of coupled.continue_cycle"
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small"}
+LASER = {"power": (1e3, "power (mW)"), "detuning": (1e-9, "detuning (GHz)")}  # from SI to what is drawn, and its label
+OUTPUTS = {
+    "drop": (1e3, "drop power (mW)"),
+    "through": (1e3, "through power (mW)"),
+    "absorbed": (1e3, "absorbed power (mW)"),
+    "delta_T": (1.0, "temperature rise (K)"),
+    "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
+}
 
 
 def dbm(power: np.ndarray) -> np.ndarray:
@@ -78,21 +86,14 @@ def plot_transmission(
     sweeps [mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser]: drawn over the curve, each
         in its colour.
     """
-    labels = {
-        "drop": (1e3, "drop power (mW)"),
-        "through": (1e3, "through power (mW)"),
-        "absorbed": (1e3, "absorbed power (mW)"),
-        "delta_T": (1.0, "temperature rise (K)"),
-        "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
-    }
     show = show or lit_port(curve)
-    choice("show", show, labels)
+    choice("show", show, OUTPUTS)
     dims = ("detuning", "power", "regime", show)
     curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission")
     ax = axes(ax, (5.0, 3.4))
-    unit, label = labels[show]
-    by_power = np.ptp(curve["detuning"].values) == 0
-    name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
+    unit, label = OUTPUTS[show]
+    name = "detuning" if np.ptp(curve["detuning"].values) else "power"
+    scale, swept_label = LASER[name]
     x = curve[name].values * scale
     y = curve[show].values * unit
     stable = curve["regime"].values == "stable"
@@ -104,7 +105,7 @@ def plot_transmission(
     for (title, run), colour in zip(mapping("sweeps", sweeps).items(), cycle((LIGHT, HEAT, GREEN, PURPLE))):
         swept, output = _swept(f"sweeps[{title!r}]", run, name, show)
         ax.plot(swept * scale, output * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
-    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
+    ax.set(xlabel=swept_label, ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)
     ax.legend(**LEGEND)
     return ax
@@ -142,7 +143,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     dims = (name, "drop_high", "drop_low", "stability", "special")
     branch = contents("branch", branch, dims, what=BRANCH)
     ax = axes(ax, (5.6, 3.6))
-    factor, label = _axis(branch, name)
+    factor, label = axis_of(branch, name)
     if fixed is not None:
         shape = (name, "drop", "regime")
         fixed = contents("fixed", fixed, shape, what=f"a Dataset of coupled.transmission over {name}")
@@ -166,15 +167,16 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     return ax
 
 
-def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
-    """Return the factor from SI to the drawn unit, and the axis label, of the parameter ``name`` of a branch."""
-    if name == "detuning":
-        return 1e-9, "detuning (GHz)"
-    if name == "power":
-        return 1e3, "power (mW)"
-    values, unit = readable(branch[name].values, branch[name].attrs.get("units", "1").removeprefix("1"))
+def axis_of(data: xr.Dataset, name: str) -> tuple[float, str]:
+    """Return the factor from SI to the drawn unit, and the axis label, of power, detuning or a parameter."""
+    if name in LASER:
+        return LASER[name]
+    about = data[name].attrs
+    stated = str(about.get("units", "1"))
+    values, unit = readable(data[name].values, stated if stated != "1" else "")
     largest = np.argmax(np.abs(values))
-    return float(values[largest] / branch[name].values[largest]), f"{name} ({unit})" if unit else name
+    words = str(about.get("long_name", name))
+    return float(values[largest] / data[name].values[largest]), f"{words} ({unit})" if unit else words
 
 
 RESPONSE = "a Dataset of Linear.response"

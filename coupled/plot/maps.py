@@ -12,9 +12,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import InputError, choice, mapping
 from thermofem.data.variables import contents
-from thermofem.plot import INK, WIDTH, axes as new_axes, readable
+from thermofem.plot import INK, WIDTH, axes as new_axes
 
-from .curves import LIGHT, curves_over, dbm, joined
+from .curves import LIGHT, axis_of, curves_over, dbm, joined
 
 REGIMES = {  # light to dark, so that the order survives in grey
     "stable": "#E8EEF4",
@@ -26,14 +26,10 @@ REGIMES = {  # light to dark, so that the order survives in grey
 _LINES: dict[str, dict[str, Any]] = {
     "Hopf, supercritical": {"color": INK, "linewidth": 1.3},
     "Hopf, subcritical": {"color": INK, "linewidth": 1.3, "linestyle": (0, (3.5, 1.8))},
+    "Hopf, another mode grows": {"color": INK, "linewidth": 1.3, "linestyle": ":"},
     "fold": {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))},
     "fold of cycles": {"color": "#7B2D8B", "linewidth": 1.5, "linestyle": (0, (5, 1.2, 1, 1.2))},
 }
-_BEHIND: dict[str, Any] = {
-    "color": INK,
-    "linewidth": 1.3,
-    "linestyle": ":",
-}  # of Hopf curves: another mode grows already
 _SCALED = {
     "period": (1e9, "period (ns)"),
     "frequency": (1e-6, "pulsing frequency (MHz)"),
@@ -96,10 +92,9 @@ def plot_map(
         power = dbm(curve["power"].values)
         leading = curve["leading"].values
         hard = curve["lyapunov"].values > 0
-        for name, part in (("supercritical", leading & ~hard), ("subcritical", leading & hard), ("", ~leading)):
+        for name, part in zip(_LINES, (leading & ~hard, leading & hard, ~leading), strict=False):
             if part.any():
-                style = {"label": f"Hopf, {name}", **_LINES[f"Hopf, {name}"]} if name else _BEHIND
-                ax.plot(nu, np.where(joined(part), power, np.nan), **style)
+                ax.plot(nu, np.where(joined(part), power, np.nan), label=name, **_LINES[name])
     for curve in folds:
         name = "fold of cycles" if curve.attrs.get("kind") == "fold-of-cycles curve" else "fold"
         ax.plot(curve["detuning"].values * 1e-9, dbm(curve["power"].values), label=name, **_LINES[name])
@@ -175,12 +170,10 @@ def _regime_key(maps: Sequence[xr.Dataset]) -> dict[str, Any]:
 def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
     """Return the values of an axis of a map in the drawn unit, and the axis label."""
     values = data[name].values
-    if name == "detuning":
-        return values * 1e-9, "detuning (GHz)"
     if name == "power":
         return dbm(values), "power (dBm)"
-    scaled, unit = readable(values, str(data[name].attrs.get("units", "")))
-    return scaled, f"{data[name].attrs.get('long_name', name)} ({unit})"
+    factor, words = axis_of(data, name)
+    return values * factor, words
 
 
 def _edges(centres: np.ndarray) -> np.ndarray:

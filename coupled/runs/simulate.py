@@ -16,12 +16,12 @@ from ..circuit.circuit import Circuit
 from ..circuit.system import run_circuit
 from ..heater_loop import heater_loop
 from ..heaters import Poles, channels, heater_powers, heating, with_ambient
-from ..inputs import Input, check_ring, check_run, check_times, detuning_in_time, power_in_time
+from ..inputs import check_ring, check_run, check_times, detuning_in_time, power_in_time
 from ..kernel.tableaus import Method
 from ..resistive_heaters import resistive_heaters
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import attributes, check_model, dense_times, trusted
+from ..thermal import Heaters, attributes, check_model, dense_times, trusted
 from .window import Event, Laser, advance, provenance, traces
 
 
@@ -37,7 +37,7 @@ def simulate(
     method: Method | str | None = None,
     initial: State | xr.Dataset | None = None,
     event: Event | None = None,
-    heaters: Mapping[str, Input] | None = None,
+    heaters: Heaters = None,
     ambient: Any = None,
     heated: str | None = None,
     read: str | None = None,

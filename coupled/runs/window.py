@@ -268,9 +268,8 @@ def traces(run: Window, light: dict[str, Any]) -> dict[str, Any]:
     U = np.abs(run.fields) ** 2
     resonances = run.resonances
     incoming = run.lights.incoming(run.time)
-    bus = np.array([[2 * mode.bus_rate] for mode in resonances])
-    drop = np.array([[2 * mode.drop_bus_rate] for mode in resonances])
-    scattering = np.array([[2 * mode.scattering_rate] for mode in resonances])
+    rates = [[mode.bus_rate, mode.drop_bus_rate, mode.scattering_rate] for mode in resonances]
+    bus, drop, scattering = 2 * np.transpose(rates)[:, :, None]
     signals: dict[str, Array] = {
         "energy": U,
         "carriers": run.carriers,

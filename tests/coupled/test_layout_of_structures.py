@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from coupled.kernel import structures
+from coupled.kernel import library as structures
 from coupled.kernel.library import SOURCES, library
 
 

@@ -37,18 +37,12 @@ def test_closed_form_of_a_planar_system(seed):
         J[2, 2] = -1.7
         return turn @ J @ turn.T
 
-    found, values = first_lyapunov(
-        lambda x: np.array([jacobian(z) for z in x]),
-        np.zeros((1, 3)),
-        np.ones((1, 3)),
-        np.array([1.02 * w]),
-        np.zeros(1, int),
-    )
+    found, values = first_lyapunov(jacobian, np.zeros(3), np.ones(3), 1.02 * w, 0)
     # r is the amplitude of the first state, |row 0 of the turn in the plane| times that in the plane
     plane = np.hypot(turn[0, 0], turn[0, 1])
     # the circle of the plane is seen as an ellipse only if the third state took part: it does not
-    assert found[0] * plane**2 == pytest.approx(want, rel=1e-6, abs=1e-8)  # differences: 1e-10 over the step
-    assert sorted(values[0].imag)[2] == pytest.approx(w, rel=1e-9)
+    assert found * plane**2 == pytest.approx(want, rel=1e-6, abs=1e-8)  # differences: 1e-10 over the step
+    assert sorted(values.imag)[2] == pytest.approx(w, rel=1e-9)
 
 
 def swing_of(model, power, detuning, ring=RING, initial=None):

@@ -25,9 +25,9 @@ from ..arrays import Array, ArrayLike, Indices, Mask
 from ..checks import InputError
 from .data_doubts import clipping, contradictions
 from .netcdf import SCHEMA, load, save
-from .variables import contents, describe, unit_of
+from .variables import contents, describe, unit_of, variables
 
-__all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "responses_of", "save"]
+__all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "responses_of", "save", "variables"]
 
 log = logging.getLogger("thermofem")
 

@@ -6,7 +6,7 @@ names the variable and not a line of NumPy's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -77,6 +77,20 @@ VARIABLES: dict[str, Variable] = {
     "discrepancy": Variable("K", "largest discrepancy of the temperature"),
     "highest_rise": Variable("K", "highest temperature rise"),
     "tau_th": Variable("s", "thermal lifetime"),
+    "heat_capacity": Variable("J/K", "heat capacity m c_p"),
+    "misfit": Variable("1", "root of the sum of squared residuals"),
+    "shape_error": Variable("1", "rms difference of the cycles over the swing"),
+    "leading": Variable("1", "no other mode grows"),
+    "lyapunov": Variable("1/s", "first Lyapunov coefficient"),
+    "jumped": Variable("1", "left its branch"),
+    "extinction": Variable("dB", "extinction"),
+    "drop_low": Variable("W", "lowest drop power"),
+    "drop_high": Variable("W", "highest drop power"),
+    "stability": Variable("1", "kind of the cycle"),
+    "special": Variable("1", "where the stability changes"),
+    "multipliers": Variable("1", "Floquet multipliers"),
+    "fixed_points": Variable("1", "number of fixed points"),
+    "stable_points": Variable("1", "number of stable fixed points"),
     "r": Variable("m", "distance from the axis of the ring"),
     "z": Variable("m", "height above the datum"),
 }
@@ -85,6 +99,11 @@ VARIABLES: dict[str, Variable] = {
 def describe(name: str) -> dict[str, str]:
     """Attributes of one variable, as xarray's plots read them."""
     return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
+
+
+def variables(over: Any, columns: Mapping[str, Any], **of: str) -> dict[str, Any]:
+    """Variables of a Dataset over a dimension, or several; ``of``: the names of `VARIABLES` that describe some."""
+    return {name: (over, values, describe(of.get(name, name))) for name, values in columns.items()}
 
 
 def known(name: str) -> Variable | None:

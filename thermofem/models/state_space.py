@@ -95,12 +95,11 @@ class StateSpace:
         return replace(self, B=self.B[:, columns], C=self.C[rows], inputs=tuple(heated), outputs=tuple(read))
 
     def of_rings(self, names: Sequence[str]) -> StateSpace:
-        """The same system with only the outputs ``names``, whose inputs come first; of an array itself.
+        """The same system with only the outputs ``names``, in this order, whose inputs come first.
 
-        The other shapes of a layout then are heaters. A system whose outputs have other names, or no more than
-        ``names``, is returned as it is.
+        The other shapes of a layout then are heaters. A system whose outputs have other names is returned as it is.
         """
-        if len(self.outputs) == len(names) or not {*names} <= {*self.outputs} & {*self.inputs}:
+        if not {*names} <= {*self.outputs} & {*self.inputs}:
             return self
         return self.channels((*names, *(name for name in self.inputs if name not in names)), names)
 
