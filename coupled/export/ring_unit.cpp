@@ -9,7 +9,6 @@
 //
 // so x' are the poles of a ring without that heat, and dT_0 is one more detuning, shift dT_0.
 typedef Loop Steps;
-
 static_assert(sizeof DISPERSION / sizeof *DISPERSION <= TERMS, "too many terms of S(N)");
 
 struct Held {  // the problem of the kernel under inputs that do not change for `span` ns
@@ -17,13 +16,9 @@ struct Held {  // the problem of the kernel under inputs that do not change for 
   double bend, detuning, entry[2], edges[2], own[2] = {0, 0}, one = 1, zero = 0;
   int none = 0;
   Problem problem = {};
-
   Held(const double* in, double span) : edges{0, span} {
     double z_0 = 0;
-    for (int k = 0; k < ORDER; k++) {
-      rest[k] = warming(in, k) / RATE[k];
-      z_0 += READ[CORE][k] * rest[k];
-    }
+    for (int k = 0; k < ORDER; k++) rest[k] = warming(in, k) / RATE[k], z_0 += READ[CORE][k] * rest[k];
     const double slope = 1 + 2 * COEFFICIENT * z_0, dT_0 = z_0 + COEFFICIENT * z_0 * z_0;
     for (int k = 0; k < ORDER; k++) {
       read[k] = slope * READ[CORE][k];
@@ -34,7 +29,6 @@ struct Held {  // the problem of the kernel under inputs that do not change for 
     detuning = 6.283185307179586e-9 * in[1] + MODE.shift * dT_0;
     entry[0] = PUMP * (sqrt(in[0] > 0 ? in[0] : 0) + in[2]) + ADD * in[4];
     entry[1] = PUMP * in[3] + ADD * in[5];
-
     Problem& p = problem;
     p.rings = p.fields = p.lasers = p.pieces = 1;
     p.order = ORDER, p.terms = sizeof DISPERSION / sizeof *DISPERSION;

@@ -1,13 +1,12 @@
-// Dual numbers: a value and its derivatives by C numbers. A function written once for any number
-// type T gives values with T = double, Jacobians with Dual<C>, and derivatives of a whole step,
-// whose ingredients are Jacobians, with Dual<C, Dual<...>>.
+// Dual numbers: a value and its derivatives by C numbers. A function written once for any number type T gives values
+// with T = double, Jacobians with Dual<C>, and derivatives of a whole step, whose ingredients are Jacobians, with
+// Dual<C, Dual<...>>.
 #pragma once
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
 template <int C, class S = double> struct Dual { S v, d[C]; };
-
 template <class T> inline T zero() { T r; memset(&r, 0, sizeof r); return r; }
 inline double value(double x) { return x; }
 template <int C, class S> inline double value(const Dual<C, S>& x) { return value(x.v); }
@@ -33,16 +32,13 @@ DUAL operator+(const Dual<C, S>& a, double b) { Dual<C, S> r = a; r.v = a.v + b;
 DUAL operator+(double b, const Dual<C, S>& a) { return a + b; }
 DUAL operator-(const Dual<C, S>& a, double b) { return a + -b; }
 DUAL operator-(double b, const Dual<C, S>& a) { return -a + b; }
-DUAL operator*(const Dual<C, S>& a, double b) {
-  Dual<C, S> r; r.v = a.v * b; DERIVATIVES(a.d[i] * b);
-}
+DUAL operator*(const Dual<C, S>& a, double b) { Dual<C, S> r; r.v = a.v * b; DERIVATIVES(a.d[i] * b); }
 DUAL operator*(double b, const Dual<C, S>& a) { return a * b; }
 DUAL operator/(double b, const Dual<C, S>& a) {
   Dual<C, S> r; S q = 1.0 / a.v; r.v = b * q; S m = -(r.v * q); DERIVATIVES(m * a.d[i]);
 }
 DUAL& operator+=(Dual<C, S>& a, const Dual<C, S>& b) { return a = a + b; }
 DUAL& operator-=(Dual<C, S>& a, const Dual<C, S>& b) { return a = a - b; }
-
 inline double power(double x, double p) { return exp(p * log(x)); }
 DUAL power(const Dual<C, S>& x, double p) {
   Dual<C, S> r; r.v = power(x.v, p); S s = p * r.v / x.v; DERIVATIVES(s * x.d[i]);
@@ -63,8 +59,7 @@ template <int C, class S> inline Dual<C, S> seeded(const S& v, int at) {
 // end = f(y0), n numbers, and the columns of V, n x columns, become their products with df/dy. T:
 // numbers with C derivatives, or double with no columns. f(y) returns where its values stand.
 template <class T, class Map>
-void differentiate(int n, const double* y0, double* end, double* V, int columns, T* y,
-                   const Map& f) {
+void differentiate(int n, const double* y0, double* end, double* V, int columns, T* y, const Map& f) {
   constexpr int C = sizeof(T) / sizeof(double) - 1;
   for (int first = 0; first == 0 || first < columns; first += C ? C : 1) {
     for (int i = 0; i < n; i++) {
@@ -72,12 +67,11 @@ void differentiate(int n, const double* y0, double* end, double* V, int columns,
       if constexpr (C > 0)
         for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
     }
-    const T* found = f(y);
+    const T* image = f(y);
     for (int i = 0; i < n; i++) {
-      end[i] = value(found[i]);
+      end[i] = value(image[i]);
       if constexpr (C > 0)
-        for (int c = 0; c < C && first + c < columns; c++)
-          V[i * columns + first + c] = found[i].d[c];
+        for (int c = 0; c < C && first + c < columns; c++) V[i * columns + first + c] = image[i].d[c];
     }
   }
 }

@@ -1,8 +1,7 @@
 // Light, carriers and heat of microrings: the equations, once, on any number type.
 //
-// A ring holds F fields (resonances) that share carriers N and temperature. Units: ns, fJ, uW, K,
-// 1e23/m^3. State: [Re a_0, Im a_0, .. Re a_F-1, Im a_F-1, N] of every ring, then the states x of
-// the heat of every ring.
+// A ring holds F fields (resonances) that share carriers N and temperature. Units: ns, fJ, uW, K, 1e23/m^3.
+// State: [Re a_0, Im a_0, .. Re a_F-1, Im a_F-1, N] of every ring, then the states x of the heat of every ring.
 //
 //   da_f/dt = (i D_f - gamma_f) a_f + i s_f,    U_f = |a_f|^2,    W_f = 2 sum_g U_g - U_f
 //   D_f     = -shift_f dT - turn_f S(N) - kerr_f W_f - detuning_f
@@ -13,9 +12,9 @@
 //   dT      = z + bend z^2,    z = sum_k x_k, dx_k/dt = gain_k P - rate_k x_k            (poles)
 //                              z = C x,       dx/dt = A x + H[x, x] + (G x + B) P    (quadratic)
 //
-// s_f is the light that comes in. A circuit adds M_ii to i D - gamma: light that a ring sends back
-// to itself. Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5; factor 2 of
-// the light of other resonances: Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007).
+// s_f is the light that comes in. A circuit adds M_ii to i D - gamma: light that a ring sends back to itself.
+// Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5; factor 2 of the light of other
+// resonances: Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007).
 #pragma once
 #include "dual.hpp"
 
@@ -24,11 +23,7 @@ constexpr double EPS = 1e15 / 1e23;    // of S(N); six orders below the densitie
 
 struct Mode { double loss, absorbed, fca, tpa, generation, shift, turn, kerr; };  // of a resonance
 struct Carriers { double tau0, a, b; };
-struct Term {
-  double c, p;
-  double exponent() const { return 0.5 * (p - 1); }
-};
-
+struct Term { double c, p; double exponent() const { return 0.5 * (p - 1); } };
 template <int F> struct Ring {  // the constants of one ring, by value
   Mode mode[F];
   Carriers carriers;
@@ -37,9 +32,8 @@ template <int F> struct Ring {  // the constants of one ring, by value
   int terms;
 };
 
-// f = d(fields, N)/dt without the light that comes in; returns the absorbed power. `rise` is what
-// neighbours add to dT.
-// `factor(k, x)` is x^exponent for the term k of S(N): a step has faster ways than pow.
+// f = d(fields, N)/dt without the light that comes in; returns the absorbed power. `rise` is what neighbours add to
+// dT. `factor(k, x)` is x^exponent for the term k of S(N): a step has faster ways than pow.
 template <int F, class T, class Factor>
 inline T optics(const Ring<F>& ring, const T* y, const T& z, const T& rise,
                 const Dual<1>* detuning, T* f, const Factor& factor) {
@@ -69,8 +63,6 @@ inline T optics(const Ring<F>& ring, const T* y, const T& z, const T& rise,
   return heat;
 }
 
-// ---- what the caller hands over ---------------------------------------------------------------
-
 template <class T> inline T polynomial(const double* c, int terms, const T& u) {
   T x = zero<T>();
   for (int k = terms; k-- > 0;) x = x * u + c[k];
@@ -80,7 +72,6 @@ struct Table {  // functions of time: in each piece of the drive polynomials in 
   int columns, terms;
   const int* place;         // pieces of the drive
   const double *edges, *c;  // places; places x columns x terms
-
   Dual<1> at(int piece, int column, double t) const {  // with its slope
     const int k = place[piece];
     return polynomial(c + (k * columns + column) * terms, terms, seeded<1>(t - edges[k], 0));
@@ -95,18 +86,16 @@ struct Method {  // a Rosenbrock method: tableaus.json and tableaus.py
 enum { POLES, QUADRATIC };
 enum { SINGLE, BUS, LOOPS };  // one ring; light that passes rings along one bus; any other
 
-struct Problem {
+struct Problem {  // what the caller hands over
   int rings, fields, order, terms, lasers, pieces, heat, light, delays, waves;
   Method method;
   const Mode* modes;             // rings x fields
   const Carriers* carriers;      // rings
   const Term* dispersion;        // rings x terms
   const double *bend, *own;      // rings; rings complex, M_ii
-  const double* floor;           // rings x 3: sizes of field, N and dT below which errors are not
-                                 // relative to them
-  // heat, `order` states a ring: z = sum_k read_k x_k, rings x order; weight: K of error a unit of
-  // each state. Poles: gain and rate, rings x order. The heat of neighbours adds sum_jk cross_ijk
-  // x_jk (or null) to dT_i.
+  const double* floor;           // rings x 3: sizes of field, N and dT below which errors are not relative to them
+  // heat, `order` states a ring: z = sum_k read_k x_k, rings x order; weight: K of error a unit of each state.
+  // Poles: gain and rate, rings x order. The heat of neighbours adds sum_jk cross_ijk x_jk (or null) to dT_i.
   const double *read, *weight, *gain, *rate, *cross;
   const double *A, *H, *G, *B;   // quadratic
   // drive
@@ -125,8 +114,7 @@ struct Problem {
   double time_tolerance;         // ns by which the times of fronts may be off by round-off
 };
 
-// A + share H[x, .] + G P of quadratic heat: with share = 1 dx/dt is this times x, plus B P; with 2
-// it is the derivative of dx/dt.
+// A + share H[x, .] + G P of quadratic heat: with share = 1 dx/dt is this times x, plus B P; with 2 its derivative.
 template <class T>
 inline T quadratic(const Problem& p, int k, int j, double share, const T* x, const T& P) {
   const int n = p.order, at = k * n + j;
@@ -146,8 +134,8 @@ template <int F> inline Ring<F> ring_of(const Problem& p, int i) {
 // The light that comes in, rings x fields complex, and the detunings, with their slopes in time.
 struct Light { Dual<1> *in, *detuning; };
 
-// The wave of a laser. The slope of sqrt(P) has no bound where P leaves 0; as an ingredient of the
-// step, not of the equations, it is bounded below 1e-12 of its largest power.
+// The wave of a laser. The slope of sqrt(P) has no bound where P leaves 0; as an ingredient of the step, not of the
+// equations, it is bounded below 1e-12 of its largest power.
 inline void laser_at(const Problem& p, int piece, int laser, double t, Dual<1>* wave) {
   const Dual<1> P = p.power.at(piece, laser, t), phase = p.phase.at(piece, laser, t);
   const double root = sqrt(P.v > 0 ? P.v : 0);

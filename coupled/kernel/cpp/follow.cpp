@@ -1,5 +1,5 @@
-// The derivative of the flow, and that of the equations. Columns of V, size x columns, are replaced
-// by their products with it. All return the bytes of memory they need.
+// The derivative of the flow, and that of the equations. Columns of V, size x columns, are replaced by their products
+// with it. All return the bytes of memory they need.
 #include "kernel.hpp"
 #include "slopes.hpp"
 
@@ -10,8 +10,8 @@ template <class Call> static int64_t on_numbers(int columns, const char* memory,
 }
 
 // The `count` steps of these lengths again, from y0 to y_end.
-EXPORT int64_t ring_follow(const Problem* p, const double* y0, const double* steps, int64_t count,
-                           double* y_end, double* V, int columns, char* memory) {
+EXPORT int64_t ring_follow(const Problem* p, const double* y0, const double* steps, int64_t count, double* y_end,
+                           double* V, int columns, char* memory) {
   return on_numbers(columns, memory, [&](auto number) {
     using T = decltype(number);
     auto call = [&](auto system) -> int64_t {
@@ -24,14 +24,12 @@ EXPORT int64_t ring_follow(const Problem* p, const double* y0, const double* ste
 }
 
 // dy/dt in a piece of the drive at the time t.
-EXPORT int64_t ring_slopes(const Problem* p, const double* y, int piece, double t, double* dy,
-                           double* V, int columns, char* memory) {
+EXPORT int64_t ring_slopes(const Problem* p, const double* y, int piece, double t, double* dy, double* V, int columns,
+                           char* memory) {
   return on_numbers(columns, memory, [&](auto number) -> int64_t {
     using T = decltype(number);
     const int F = p->fields;
-    auto call = F == 1   ? slopes_at<1, T>
-                : F == 2 ? slopes_at<2, T>
-                : F == 3 ? slopes_at<3, T> : slopes_at<4, T>;
+    auto call = F == 1 ? slopes_at<1, T> : F == 2 ? slopes_at<2, T> : F == 3 ? slopes_at<3, T> : slopes_at<4, T>;
     Arena arena = {memory};
     call(*p, y, piece, t, dy, V, columns, arena);
     return arena.used;

@@ -2,9 +2,8 @@
 #include "kernel.hpp"
 
 // Integrates on from y; returns why it came back. With memory = null: the bytes of memory it needs.
-EXPORT int64_t ring_integrate(const Problem* problem, Loop* L, double* y, double* rows,
-                              int64_t capacity, const double* times, int64_t wanted,
-                              double* steps, char* memory) {
+EXPORT int64_t ring_integrate(const Problem* problem, Loop* L, double* y, double* rows, int64_t capacity,
+                              const double* times, int64_t wanted, double* steps, char* memory) {
   const Problem& p = *problem;
   auto call = [&](auto system) -> int64_t {
     Arena arena = {memory};

@@ -1,9 +1,9 @@
 // The loop over the steps: error control, breakpoints, dense output, events, when to come back.
 //
-// It can be left and entered again: all it needs stands in `Loop`, y and the caller's arrays. It
-// returns when it is done, after a number of steps (for progress and Ctrl-C), when rows are full,
-// at an event, where the state rests (an L-stable method would stay on an unstable fixed point: the
-// caller looks at the eigenvalues and bounds the step), or where no step is small enough.
+// It can be left and entered again: all it needs stands in `Loop`, y and the caller's arrays. It returns when it is
+// done, after a number of steps (for progress and Ctrl-C), when rows are full, at an event, where the state rests (an
+// L-stable method would stay on an unstable fixed point: the caller looks at the eigenvalues and bounds the step), or
+// where no step is small enough.
 #pragma once
 #include "step.hpp"
 
@@ -25,8 +25,7 @@ constexpr double QUIET = 1e-2;     // relative change in a step of a state that 
 constexpr double QUIET_STEP = 0.1; // lifetimes of the carriers; no mode turns within a shorter step
 
 // One component at the fraction x of a step from a to b with the stages k.
-inline double dense_output(double x, double a, double b, const double* k, int row,
-                           const Method& m) {
+inline double dense_output(double x, double a, double b, const double* k, int row, const Method& m) {
   double d[3] = {0, 0, 0};
   for (int j = 0; j < m.stages; j++)
     for (int i = 0; i < 3; i++) d[i] += m.dense[i * m.stages + j] * k[j * row];
@@ -42,16 +41,13 @@ template <class System> struct Integration {
   System system;
   const int R, K, size, width;
   Light light[STAGES];
-
   Integration(const Problem& problem, Loop& loop, double* state, double* kept, Arena& arena)
       : p(problem), L(loop), y(state), rows(kept), system(p, L.past, arena), R(p.rings), K(p.order),
         size(R * (B + K)), width(1 + R * Z + system.width()) {
     out = arena.take<double>(size);
     for (Light& one : light) one = light_of(arena, R * F);
   }
-
-  // Fields, N and dT of a ring at the fraction x of the last step.
-  void at(double x, int i, double* state) const {
+  void at(double x, int i, double* state) const {  // fields, N and dT of a ring at the fraction x of the last step
     for (int m = 0; m < Z; m++) {
       const double a = m < B ? y[i * B + m] : system.z_start[i];
       const double b = m < B ? out[i * B + m] : system.z_end[i];
@@ -65,15 +61,13 @@ template <class System> struct Integration {
     for (int i = 0; i < R; i++) at(x, i, row + 1 + i * Z);
     system.observe(piece, x, t, L.h, row + 1, row + 1 + R * Z);
   }
-  // Waves in the rows at the start of a piece become those after it.
-  void renew(int piece, double t) {
+  void renew(int piece, double t) {  // waves in the rows at the start of a piece become those after it
     for (int64_t k = L.filled; k-- > 0 && rows[width * k] >= t - p.time_tolerance;)
       system.observe(piece, 0, t, L.h, rows + width * k + 1, rows + width * k + 1 + R * Z);
   }
   double watched(const double* s) const {
     return (L.quantity == 1 ? s[0] * s[0] + s[1] * s[1] : s[L.quantity == 2 ? 2 * F : B]) - L.level;
   }
-
   void begin(const double* times, int64_t wanted) {
     memcpy(out, y, size * sizeof(double));
     double state[Z];
@@ -82,9 +76,8 @@ template <class System> struct Integration {
     if (!wanted) keep(0, 1, L.t);
     while (L.filled < wanted && times[L.filled] <= L.t) keep(0, 1, times[L.filled]);
   }
-
-  // Error of the last step in units of the tolerance: root mean square over field, carriers and
-  // temperature of the worst ring. `moved`: the largest relative change.
+  // Error of the last step in units of the tolerance: root mean square over field, carriers and temperature of the
+  // worst ring. `moved`: the largest relative change.
   double error(double& moved) const {
     const int last = p.method.stages - 1;
     double worst = 0;
@@ -112,9 +105,7 @@ template <class System> struct Integration {
     }
     return sqrt(worst / 3) / L.rtol;
   }
-
-  // Where in the last step the event is, by bisection of the dense output; 2 if nowhere.
-  double crossing() {
+  double crossing() {  // where in the last step the event is, by bisection of the dense output; 2 if nowhere
     double state[Z];
     at(1, L.ring, state);
     const double rest = watched(state);
@@ -133,13 +124,10 @@ template <class System> struct Integration {
   void stop_at(double x) {  // y at the fraction x of the step
     const auto& m = p.method;
     double* z = system.k;
-    for (int i = 0; i < R * B; i++)
-      y[i] = dense_output(x, y[i], out[i], z + i / B * Z + i % B, R * Z, m);
-    for (int i = R * B; i < size; i++)
-      y[i] = dense_output(x, y[i], out[i], system.kx + (i - R * B), R * K, m);
+    for (int i = 0; i < R * B; i++) y[i] = dense_output(x, y[i], out[i], z + i / B * Z + i % B, R * Z, m);
+    for (int i = R * B; i < size; i++) y[i] = dense_output(x, y[i], out[i], system.kx + (i - R * B), R * K, m);
     L.t = L.crossing;
   }
-
   // times: wanted ones, or none for the accepted steps, with `per_step` rows each.
   // steps: null, or room for the lengths of the accepted steps.
   int run(int64_t capacity, const double* times, int64_t wanted, double* steps) {
@@ -168,8 +156,7 @@ template <class System> struct Integration {
       while (L.t < stop) {
         if (budget-- <= 0) return STEPS;
         if (!wanted && L.filled + L.per_step > capacity) return FULL;
-        if (steps && L.accepted == L.room) return FULL;
-        if (p.delays && L.past.filled == L.past.room) return FULL;
+        if ((steps && L.accepted == L.room) || (p.delays && L.past.filled == L.past.room)) return FULL;
         L.h = system.resolved(L.t, L.h);
         const double planned = L.h;
         const bool landing = L.t + 1.0001 * L.h >= stop;
@@ -201,16 +188,12 @@ template <class System> struct Integration {
         if (!wanted) keep(L.piece, part, arrived);
         if (steps) steps[L.accepted] = part * L.h;
         L.accepted++;
-        if (halt) {
-          stop_at(event);
-          return EVENT;
-        }
+        if (halt) return stop_at(event), EVENT;
         system.accept(L.t, L.h, planned, arrived);
         L.t = arrived;
         memcpy(y, out, size * sizeof(double));
         double factor = 0.9 / taken;
-        if (L.h_before > 0)
-          factor = fmin(factor, factor * L.h / L.h_before * L.size_before / taken);
+        if (L.h_before > 0) factor = fmin(factor, factor * L.h / L.h_before * L.size_before / taken);
         L.h_before = L.h, L.size_before = fmax(taken, 0.3);
         L.h *= fmax(0.2, fmin(L.growth, factor)), L.growth = GROWTH;
         if (landing && L.t < end) L.h = fmax(L.h, planned);

@@ -3,14 +3,13 @@
 //   da_i/dt = ... + sum_j M_ij a_j + i sum_d late_id u_d(t),    u_d(t) = wave_d(t - delay_d)
 //   wave_q  = sum_j seen_ring_qj a_j + sum_l seen_laser_ql s_l + sum_d seen_late_qd u_d
 //
-// The first waves are those at the starts of the delayed waveguides. Heat of the neighbours, slow
-// against a step, is the parabola through its values at the last steps, and its error counts.
+// The first waves are those at the starts of the delayed waveguides. Heat of the neighbours, slow against a step, is
+// the parabola through its values at the last steps, and its error counts.
 #pragma once
 #include "loop.hpp"
 
 constexpr double FOLLOW = 2.0;  // lengths of past steps that a step may span; at 1 none could grow
 constexpr double LONG_AGO = -1e200;  // ns: since then heat has been what it is at the start
-
 // The cubic in the fraction of a step through p at 0, 1/3, 2/3 and 1, `apart` numbers apart.
 inline void cubic_through(const double* p, int apart, double* c) {
   const double p0 = p[0], p1 = p[apart], p2 = p[2 * apart], p3 = p[3 * apart];
@@ -18,9 +17,9 @@ inline void cubic_through(const double* p, int apart, double* c) {
   c[2] = 9 * p0 - 22.5 * p1 + 18 * p2 - 4.5 * p3;
   c[3] = -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3;
 }
-// z at the fraction f of a step that begins with `before`, dz/df = gain P - x z: by its power
-// series (16 terms leave 1e-18) or, where that is long, by the cubic that solves the equation and
-// what decays to it. Energies have x = 0, detectors gain = x = corner h.
+// z at the fraction f of a step that begins with `before`, dz/df = gain P - x z: by its power series (16 terms leave
+// 1e-18) or, where that is long, by the cubic that solves the equation and what decays to it. Energies have x = 0,
+// detectors gain = x = corner h.
 inline double gathered_at(const double* P, double gain, double x, double f, double before) {
   double cubic[5] = {0, 0, 0, 0, 0}, sum = before, term = before, f_m = f;
   if (x * f > 0.5) {
@@ -47,11 +46,9 @@ template <class T> struct Network {
   int* pivot;
   double *nodes, *gathered;
   Dual<1>* brought;
-  // Heat of the neighbours after the step; and the parabola through that at the times of the last
-  // steps, newest first, by divided differences.
+  // heat of the neighbours after the step; the parabola through that at the last steps, newest first (differences)
   T *after, *values, *first, *second;
   double* times;
-
   Network(const Problem& problem, Past& history, Arena& arena)
       : p(problem), past(history), R(p.rings), K(p.order), D(p.delays), Q(p.waves),
         S(p.method.stages), entry(3 + 8 * p.delays) {
@@ -75,18 +72,14 @@ template <class T> struct Network {
   int width() const { return 2 * Q + gathers(); }
 
   void begin(const T* y, bool fresh, double t) {
-    for (int i = 0; i < R; i++)
-      z_start[i] = z_end[i] = heat[i].temperature(y + R * B + i * K);
+    for (int i = 0; i < R; i++) z_start[i] = z_end[i] = heat[i].temperature(y + R * B + i * K);
     if (!fresh) return;
     memset(nodes, 0, 10 * Q * sizeof(double)), memset(after, 0, 4 * R * sizeof(T));
     past.filled = 0, times[0] = times[1] = times[2] = LONG_AGO;
     neighbours(y);
     remember(t);
   }
-
-  // ---- heat of the neighbours ------------------------------------------------------------------
-
-  void neighbours(const T* y) {
+  void neighbours(const T* y) {  // their heat
     for (int i = 0; i < R && p.cross; i++) {
       after[i] = zero<T>();
       for (int m = 0; m < R * K; m++) after[i] += p.cross[i * R * K + m] * y[R * B + m];
@@ -109,9 +102,6 @@ template <class T> struct Network {
   double heat_error(int i, double until) const {
     return heat[i].error() + magnitude(after[i] - extrapolated(i, until));
   }
-
-  // ---- waves -----------------------------------------------------------------------------------
-
   int64_t past_step(double t) const {  // the one that holds t; the first where t lies before all
     int64_t low = 0, high = past.filled - 1;
     while (low < high) {
@@ -129,8 +119,8 @@ template <class T> struct Network {
     const Dual<1> x = {(at - step[0]) / step[1], {1 / step[1]}};
     for (int m = 0; m < 2; m++) wave[m] = polynomial(step + 3 + 8 * d + 4 * m, 4, x);
   }
-  // How much of h a step from t may take to resolve what the delays bring: `FOLLOW` times as long
-  // as the past steps that it reads, or to where a shorter one begins.
+  // How much of h a step from t may take to resolve what the delays bring: `FOLLOW` times as long as the past steps
+  // that it reads, or to where a shorter one begins.
   double resolved(double t, double h) const {
     for (int d = 0; d < D; d++) {
       const double at = t - p.delay[d];
@@ -148,8 +138,7 @@ template <class T> struct Network {
     for (int q = 0; q < Q; q++)
       for (int i = 0; i < R; i++) {
         const double* e = p.seen_ring + 2 * (q * R + i);
-        if (e[0] != 0 || e[1] != 0)  // most see one ring
-          add_product(out + 2 * q, e, states + Z * i);
+        if (e[0] != 0 || e[1] != 0) add_product(out + 2 * q, e, states + Z * i);  // most see one ring
       }
     for (int l = 0; l < p.lasers + D; l++) {  // lasers, then what delays bring
       Dual<1> wave[2];
@@ -157,8 +146,7 @@ template <class T> struct Network {
       if (d < 0) laser_at(p, piece, l, t, wave); else delayed(d, t, aside, wave);
       const double *seen = d < 0 ? p.seen_laser + 2 * l : p.seen_late + 2 * d;
       const double values[2] = {wave[0].v, wave[1].v};
-      for (int q = 0; q < Q; q++)
-        add_product(out + 2 * q, seen + 2 * q * (d < 0 ? p.lasers : D), values);
+      for (int q = 0; q < Q; q++) add_product(out + 2 * q, seen + 2 * q * (d < 0 ? p.lasers : D), values);
     }
   }
   // Energies of the waves so far, if wanted, then signals of detectors, at the fraction f.
@@ -196,12 +184,8 @@ template <class T> struct Network {
     gather(1, h, gathered);
     if (p.cross) remember(until);
   }
-
-  // ---- the step --------------------------------------------------------------------------------
-
   // Not a part of `step`, whose loop over the rings would be slower.
-  __attribute__((noinline)) void prepare(int i, const T* y, double t, double h,
-                                         const Dual<1>* detuning) {
+  __attribute__((noinline)) void prepare(int i, const T* y, double t, double h, const Dual<1>* detuning) {
     const double s = 1 / (p.method.gamma * h);
     block[i].linearize(y + i * B, y + R * B + i * K, extrapolated(i, t), detuning, s);
     if (p.light != LOOPS) invert(block[i].matrix);
@@ -237,13 +221,11 @@ template <class T> struct Network {
     }
     const Stage last(p.method, S, S - 1, h);
     for (int i = 0; i < R; i++)
-      block[i].finish(last, now + i * Z, right + i * Z, out + i * B, out + R * B + i * K,
-                      z_start + i, z_end + i);
+      block[i].finish(last, now + i * Z, right + i * Z, out + i * B, out + R * B + i * K, z_start + i, z_end + i);
     neighbours(out);
     return true;
   }
-  // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields of those before it, and
-  // their changes, as one wave.
+  // Along the bus, where M_ij = taken_i sent_j, a ring gets the fields before it, and their changes, as one wave.
   void solve_along_bus() {
     T wave[2] = {zero<T>(), zero<T>()};
     for (int at = 0; at < R; at++) {
@@ -257,22 +239,19 @@ template <class T> struct Network {
     }
   }
   void fill() {  // the matrix of all rings
-    for (int i = 0; i < R; i++)
-      for (int j = 0; j < R; j++) {
+    for (int i = 0; i < R; i++) for (int j = 0; j < R; j++) {
         const double* M = p.between + 2 * (i * R + j);
         const double light[B][B] = {{M[0], -M[1], 0}, {M[1], M[0], 0}, {0, 0, 0}};
         for (int m = 0; m < B; m++)
           for (int l = 0; l < B; l++)
-            dense[(i * B + m) * R * B + j * B + l] =
-                (i == j ? block[i].matrix[m][l] : zero<T>()) - light[m][l];
+            dense[(i * B + m) * R * B + j * B + l] = (i == j ? block[i].matrix[m][l] : zero<T>()) - light[m][l];
       }
     factorize(dense, pivot, R * B);
   }
   void solve_loops() {
     T* x = k + (S - 1) * R * Z;  // free until the last stage is written
     for (int i = 0; i < R; i++) {
-      for (int j = 0; j < R; j++)
-        add_product(right + i * Z, p.between + 2 * (i * R + j), now + j * Z);
+      for (int j = 0; j < R; j++) add_product(right + i * Z, p.between + 2 * (i * R + j), now + j * Z);
       memcpy(x + i * B, right + i * Z, B * sizeof(T));
     }
     substitute(dense, pivot, R * B, x);

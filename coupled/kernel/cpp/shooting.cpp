@@ -1,16 +1,15 @@
-// Closed orbits of one ring in a fraction of a millisecond, for maps: Newton's method on the return
-// of the carriers, y_0 -> y(T), where N rises again through its value in y_0.
+// Closed orbits of one ring in a fraction of a millisecond, for maps: Newton's method on the return of the carriers,
+// y_0 -> y(T), where N rises again through its value in y_0.
 //
-// Light, carriers and fast heat forget in a turn where they began. So Newton's method is for the
-// slow heat, n states, alone, and all others are what the last turn returned. With the n columns
-// of M, the derivative of the return map by the slow heat, and dT, that of its duration,
+// Light, carriers and fast heat forget in a turn where they began. So Newton's method is for the slow heat, n states,
+// alone, and all others are what the last turn returned. With the n columns of M, the derivative of the return map by
+// the slow heat, and dT, that of its duration,
 //
 //   (1 - M_slow) b = y_slow(T) - y_slow(0),      y_0 <- y(T) + M b,      T <- T + dT b.
 //
-// M is that of a neighbour in the map until a trace comes near, and then follows from its steps.
-// Broyden's updates correct it from turn to turn.
+// M is that of a neighbour in the map until a trace comes near, and then follows from its steps. Broyden's updates
+// correct it from turn to turn.
 #include "kernel.hpp"
-
 constexpr double SMALLEST = 0.02;  // rtol is times the relative range of N, or times this if larger
 constexpr double NEAR = 1e-3;      // relative step of Newton's method, below which traces are fine
 constexpr double CLOSED = 30;      // largest last step, in tolerances of the traces
@@ -33,11 +32,10 @@ static double longest_step(const ReturnMap& c, const double* row) {
   return longest;
 }
 
-// On from y, the states and the time T, for `duration`, or until N rises through `level`, at which
-// y may begin; rows and steps are added to those there are. h: the first step, then the next one.
-// Returns as the loop does; FULL: again with more room.
-EXPORT int ring_turn(ReturnMap* c, double* y, double duration, double level, int above, double rtol,
-                     double* h) {
+// On from y, the states and the time T, for `duration`, or until N rises through `level`, at which y may begin; rows
+// and steps are added to those there are. h: the first step, then the next one. Returns as the loop does; FULL: again
+// with more room.
+EXPORT int ring_turn(ReturnMap* c, double* y, double duration, double level, int above, double rtol, double* h) {
   Loop L = {};
   double& T = y[3 + c->p->order];
   double *rows = c->rows + 5 * c->filled, *steps = c->steps + c->count;
@@ -45,18 +43,15 @@ EXPORT int ring_turn(ReturnMap* c, double* y, double duration, double level, int
   L.h = *h, L.rtol = rtol, L.longest = INFINITY, L.per_step = 1;
   L.budget = L.room = c->room - c->count, L.seen = above ? 0 : INFINITY;
   if (level < INFINITY) L.quantity = 2, L.level = level, L.stop = 1;
-  auto on = [&] {
-    const int64_t room = c->room - c->filled;
-    return (int)ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory);
-  };
-  int status;
-  while ((status = on()) == RESTING) {
+  const int64_t room = c->room - c->filled;
+  int64_t status;
+  while ((status = ring_integrate(c->p, &L, y, rows, room, nullptr, 0, steps, c->memory)) == RESTING) {
     L.cap = longest_step(*c, rows + 5 * (L.filled - 1));
     L.rest_step = L.h, L.rest_again = L.accepted + 20, L.h = fmin(L.h, L.cap);
   }
   for (int64_t i = 0; i < L.filled; i++) rows[5 * i] += T;
   c->filled += L.filled, c->count += L.accepted, *h = L.h, T += L.t;
-  return status == STEPS ? FULL : status;
+  return status == STEPS ? FULL : (int)status;
 }
 
 namespace {
@@ -65,15 +60,13 @@ struct Newton {  // of the states y and, after them, the time T
   const int m, n;  // states; of slow heat
   double *begin, *end, *expected, *mended, *A, *b, *rate;
   int* pivots;
-
   Newton(ReturnMap& map, Arena& arena) : c(map), m(3 + map.p->order), n((int)map.n) {
     begin = arena.take<double>(m + 1), end = arena.take<double>(m + 1);
     expected = arena.take<double>(m + 1), mended = arena.take<double>((m + 1) * n);
     A = arena.take<double>(n * n), b = arena.take<double>(n), rate = arena.take<double>(m);
     pivots = arena.take<int>(n);
   }
-  // M from the steps of the last trace, whose end stays in the section.
-  void differentiate(double* M) {
+  void differentiate(double* M) {  // M from the steps of the last trace, whose end stays in the section
     double* dT = M + m * n;
     memset(M, 0, m * n * sizeof(double));
     for (int j = 0; j < n; j++) M[c.slow[j] * n + j] = 1;
@@ -85,15 +78,13 @@ struct Newton {  // of the states y and, after them, the time T
     }
     memcpy(mended, M, (m + 1) * n * sizeof(double));
   }
-  // Broyden's update: what the last step b did beyond what was expected.
-  void broyden_update() const {
+  void broyden_update() const {  // by what the last step b did beyond what was expected
     double square = 0;
     for (int j = 0; j < n; j++) square += b[j] * b[j];
     for (int i = 0; i <= m && square > 0; i++)
       for (int j = 0; j < n; j++) mended[i * n + j] += (end[i] - expected[i]) * b[j] / square;
   }
-  // b and its size, of the warmest state of heat.
-  double step(double warmest) {
+  double step(double warmest) {  // b and its size, of the warmest state of heat
     for (int i = 0; i < n; i++) {
       b[i] = end[c.slow[i]] - begin[c.slow[i]];
       for (int j = 0; j < n; j++) A[i * n + j] = (i == j) - mended[c.slow[i] * n + j];
@@ -106,11 +97,10 @@ struct Newton {  // of the states y and, after them, the time T
 };
 }  // namespace
 
-// The orbit of `pulses` rises near y, the states and the period, which are replaced, as is M, size
-// x n, with dT as a last row. known: M is a neighbour's; rough, fine: tolerances of traces far from
-// the orbit and near it. Returns DONE, FULL, or another number where there is none.
-EXPORT int64_t ring_close(ReturnMap* map, double* y, double* M, int pulses, int known, double rough,
-                          double fine) {
+// The orbit of `pulses` rises near y, the states and the period, which are replaced, as is M, size x n, with dT as a
+// last row. known: M is a neighbour's; rough, fine: tolerances of traces far from the orbit and near it. Returns DONE,
+// FULL, or another number where there is none.
+EXPORT int64_t ring_close(ReturnMap* map, double* y, double* M, int pulses, int known, double rough, double fine) {
   ReturnMap& c = *map;
   Loop none = {};
   Arena arena = {c.memory};

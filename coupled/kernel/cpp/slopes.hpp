@@ -1,7 +1,6 @@
 // Derivatives by dual numbers: of the equations, and of the flow.
 #pragma once
 #include "step.hpp"
-
 constexpr int COLUMNS = 7;  // directions at once; and the value: a line of the cache
 
 // dy/dt of rings under their light.
@@ -31,11 +30,10 @@ template <int F, class T> void slopes(const Problem& p, const Light& light, cons
     add_product(dy + k / R * B, p.between + 2 * k, y + k % R * B);
 }
 
-// dy/dt in a piece of the drive at the time t; the columns of V become their products with its
-// derivative.
+// dy/dt in a piece of the drive at the time t; the columns of V become their products with its derivative.
 template <int F, class T>
-void slopes_at(const Problem& p, const double* y0, int piece, double t, double* dy, double* V,
-               int columns, Arena& arena) {
+void slopes_at(const Problem& p, const double* y0, int piece, double t, double* dy, double* V, int columns,
+               Arena& arena) {
   const int size = p.rings * (2 * F + 1 + p.order);
   const Light light = light_of(arena, p.rings * F);
   T *y = arena.take<T>(size), *rate = arena.take<T>(size);
@@ -47,11 +45,10 @@ void slopes_at(const Problem& p, const double* y0, int piece, double t, double* 
   });
 }
 
-// The same steps again, under constant light; the columns of V become their products with the
-// derivative of the flow.
+// The same steps again, under constant light; the columns of V become their products with the derivative of the flow.
 template <class T, class System>
-void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end,
-            double* V, int columns, Arena& arena) {
+void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end, double* V,
+            int columns, Arena& arena) {
   const int n = p.rings * System::F, size = n * 2 + p.rings * (1 + p.order);
   Past past = {};
   System system(p, past, arena);

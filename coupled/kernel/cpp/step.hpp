@@ -13,7 +13,6 @@
 
 #define INLINE __attribute__((always_inline)) inline
 #define INLINE_LAMBDA __attribute__((always_inline))
-
 constexpr int STAGES = 8;  // at most
 
 struct Arena {  // hands out the caller's memory; without any it counts what is needed
@@ -25,14 +24,10 @@ struct Arena {  // hands out the caller's memory; without any it counts what is 
     return x;
   }
 };
-
-inline Light light_of(Arena& arena, int n) {  // of n fields
-  return {arena.take<Dual<1>>(2 * n), arena.take<Dual<1>>(n)};
-}
+inline Light light_of(Arena& arena, int n) { return {arena.take<Dual<1>>(2 * n), arena.take<Dual<1>>(n)}; }  // fields
 struct Stage {  // the coefficients of one stage of a step of h
   int number;
   double a[STAGES], c[STAGES], at, slope;
-
   INLINE Stage(const Method& m, int count, int q, double h)
       : number(q), at(m.at[q] * h), slope(m.slope[q] * h) {
     const double per_h = 1 / h;
@@ -50,8 +45,6 @@ template <class T> inline T near_power(const T& x, double p, const T& x0, const 
   const T more = (1 / 24. + l * (1 / 120.)) + l2 * (1 / 720. + l * (1 / 5040.));
   return y0 * (few + l4 * (more + l4 * (1 / 40320.)));
 }
-
-// ---- small linear algebra ---------------------------------------------------------------------
 
 template <class T> inline void invert(T (&m)[3][3]) {  // by cofactors; s keeps it well conditioned
   T r[3][3];
@@ -74,9 +67,7 @@ template <class T> inline bool factorize(T* A, int* order, int n) {
       if (magnitude(A[i * n + j]) > magnitude(A[pivot * n + j])) pivot = i;
     order[j] = pivot;
     if (pivot != j)
-      for (int k = 0; k < n; k++) {
-        T x = A[j * n + k]; A[j * n + k] = A[pivot * n + k]; A[pivot * n + k] = x;
-      }
+      for (int k = 0; k < n; k++) { T x = A[j * n + k]; A[j * n + k] = A[pivot * n + k]; A[pivot * n + k] = x; }
     positive ^= (pivot != j) ^ (value(A[j * n + j]) < 0);
     const T d = 1.0 / A[j * n + j];
     for (int i = j + 1; i < n; i++) {
@@ -106,11 +97,9 @@ template <int B, class T> inline void invert(T (&m)[B][B]) {  // rows solve the 
   }
 }
 
-// ---- heat of one ring in a step ----------------------------------------------------------------
-
-// dx/dt = A x + H[x, x] + (G x + B) P:  k_x = M^-1 (r_x + b w.k_o),  M = s - A - 2 H[x, .] - G P,
-// b = G x + B; of poles, dx/dt = gain P - rate x, M is s + rate and b the gain. An L-stable step
-// damps a mode that grows faster than s, and its error does not show it; without one det M > 0.
+// Heat of one ring in a step: dx/dt = A x + H[x, x] + (G x + B) P,  k_x = M^-1 (r_x + b w.k_o),  b = G x + B,
+// M = s - A - 2 H[x, .] - G P; of poles, dx/dt = gain P - rate x, M is s + rate and b the gain. An L-stable step damps
+// a mode that grows faster than s, and its error does not show it; without one det M > 0.
 template <class T, class Real, int kind> struct Heating {
   int n, row, last;  // states; how far the stages are apart in k; the last one
   const Problem* p;
@@ -120,7 +109,6 @@ template <class T, class Real, int kind> struct Heating {
   T *k, *x, *M;      // stages; the state at a stage
   const T* x0;       // the state at the start
   int* order;
-
   Heating(const Problem& problem, int ring, T* kx, Arena& arena)
       : n(problem.order), row(problem.rings * n), last(problem.method.stages - 1), p(&problem),
         read(p->read + ring * n), weight(p->weight + ring * n), gain(p->gain + ring * n),
@@ -200,14 +188,11 @@ template <class T, class Real, int kind> struct Heating {
 template <class T> using Poles = Heating<T, double, POLES>;
 template <class T> using Quadratic = Heating<T, T, QUADRATIC>;
 
-// ---- light and carriers of one ring in a step --------------------------------------------------
-
-template <int F, class T, class Heat> struct Block {
+template <int F, class T, class Heat> struct Block {  // light and carriers of one ring in a step
   static constexpr int B = 2 * F + 1, Z = B + 1;  // unknowns; and z
   const Ring<F>* ring;
   Heat* heat;
   T start[Z], f[B], P, u[B], w[B], matrix[B][B], square, known[TERMS];
-
   Block(const Ring<F>* its, Heat* own) : ring(its), heat(own) {}
 
   // The matrix of light and carriers at the start; false where heat grows too fast for the step.
@@ -220,8 +205,7 @@ template <int F, class T, class Heat> struct Block {
     J at[Z], slopes[B], added = zero<J>();
     added.v = rise;
     for (int m = 0; m < Z; m++) at[m] = seeded<Z, T>(start[m], m);
-    const J warm = optics<F, J>(*ring, at, at[B], added, detuning, slopes,
-                                [&](int k, const J& x) {
+    const J warm = optics<F, J>(*ring, at, at[B], added, detuning, slopes, [&](int k, const J& x) {
       J r;
       const T by = ring->term[k].exponent() * known[k] / x.v;
       r.v = known[k];
@@ -232,12 +216,11 @@ template <int F, class T, class Heat> struct Block {
     if (!heat->start(x, s, P)) return false;
     for (int m = 0; m < B; m++) f[m] = slopes[m].v, u[m] = slopes[m].d[B], w[m] = warm.d[m];
     for (int m = 0; m < B; m++)
-      for (int l = 0; l < B; l++)
-        matrix[m][l] = (m == l ? s : 0.0) - slopes[m].d[l] - heat->G * (u[m] * w[l]);
+      for (int l = 0; l < B; l++) matrix[m][l] = (m == l ? s : 0.0) - slopes[m].d[l] - heat->G * (u[m] * w[l]);
     return true;
   }
-  // The right-hand side of a stage: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and
-  // carriers, and the z that heat gives without what comes back. light[0] is that of the start.
+  // The right-hand side of a stage: o = start + sum_j a_j k_j, of light, carriers and z; r, of light and carriers, and
+  // the z that heat gives without what comes back. light[0] is that of the start.
   INLINE void right_hand_side(const Stage& stage, const T* k, int row, const Light* light, int i,
                               const T& rise, T* o, T* r) const {
     const int q = stage.number;
@@ -246,8 +229,7 @@ template <int F, class T, class Heat> struct Block {
     T slopes[B], heating = P;
     for (int m = 0; m < Z; m++) o[m] = start[m], r[m] = zero<T>();
     for (int j = 0; j < q; j++)
-      for (int m = 0; m < Z; m++)
-        o[m] += stage.a[j] * k[j * row + m], r[m] += stage.c[j] * k[j * row + m];
+      for (int m = 0; m < Z; m++) o[m] += stage.a[j] * k[j * row + m], r[m] += stage.c[j] * k[j * row + m];
     if (q == 0) memcpy(slopes, f, sizeof f);
     else
       heating = optics<F, T>(*ring, o, o[B], rise, detuning, slopes, [&](int k, const T& x) {
@@ -257,8 +239,7 @@ template <int F, class T, class Heat> struct Block {
     for (int m = 0; m < B; m++) r[m] += slopes[m] + u[m] * r[B];
     for (int m = 0; m < 2 * F; m++) {  // i s: -Im s in Re a, Re s in Im a
       const int other = m ^ 1;
-      const T came = in[other].v + stage.slope * rising[other].d[0]
-                     - (stage.slope * turn[m / 2].d[0]) * start[other];
+      const T came = in[other].v + stage.slope * rising[other].d[0] - (stage.slope * turn[m / 2].d[0]) * start[other];
       r[m] += m % 2 ? came : -came;
     }
   }
@@ -268,16 +249,14 @@ template <int F, class T, class Heat> struct Block {
       for (int l = 0; l < B; l++) k[m] += matrix[m][l] * r[l];
     }
   }
-  // Back substitution: k of light and carriers is known; that of heat and z.
-  INLINE void back_substitute(int q, T* k) const {
+  INLINE void back_substitute(int q, T* k) const {  // of heat and z, where k of light and carriers is known
     T feedback = zero<T>();
     for (int m = 0; m < B; m++) feedback += w[m] * k[m];
     heat->add_feedback(q, feedback);
     k[B] += feedback * heat->G;
   }
   // The end of the step, from o and k of the last stage.
-  INLINE void finish(const Stage& last, const T* o, const T* k, T* y, T* x, T* z_start,
-                     T* z_end) const {
+  INLINE void finish(const Stage& last, const T* o, const T* k, T* y, T* x, T* z_start, T* z_end) const {
     for (int m = 0; m < B; m++) y[m] = o[m] + k[m];
     *z_start = start[B], *z_end = o[B] + k[B];
     heat->finish(last, x);
@@ -285,10 +264,7 @@ template <int F, class T, class Heat> struct Block {
 };
 
 struct Past { double* steps; int64_t filled, room; };  // of a circuit with delays: its last steps
-
-// ---- one ring ----------------------------------------------------------------------------------
-
-// S is the number of stages where it is known when this is compiled, and 0 elsewhere.
+// One ring. S is the number of stages where it is known when this is compiled, and 0 elsewhere.
 template <int fields, int S, class T, class Heat> struct Single {
   static constexpr int F = fields, B = 2 * F + 1, Z = B + 1;
   const Problem& p;
@@ -311,8 +287,7 @@ template <int fields, int S, class T, class Heat> struct Single {
   double resolved(double, double h) const { return h; }
 
   // A step of h ns from y to out; light: at the stages. False where there is no answer.
-  bool step(const T* __restrict y, double, double h, const Light* __restrict light,
-            T* __restrict out) {
+  bool step(const T* __restrict y, double, double h, const Light* __restrict light, T* __restrict out) {
     const T none = zero<T>();
     const int count = S ? S : p.method.stages;
     Block<F, T, Heat> block(&ring, &heat);
