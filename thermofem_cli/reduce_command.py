@@ -65,8 +65,6 @@ def reduce(
             return reduced_array(heat, positions, tolerance, names, output)
         rom = surrogate.reduce(heat.channels(names, outputs), tolerance=tolerance)
         domain_error = heat.domain_error(names[0])
-    provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
-    what = f"{heat.unknowns} unknowns -> {rom.order} poles"
-    numbers = written_channels(rom.model, what, rom.error_bound, provenance, output)
+    numbers = written_channels(rom.model, f"{heat.unknowns} unknowns -> {rom.order} poles", output)
     note_cut(domain_error, accuracy)
     return {"unknowns": heat.unknowns, "domain_error": domain_error, **numbers}

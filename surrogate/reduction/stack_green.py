@@ -142,13 +142,9 @@ class Stack:
         offset = fhtoffset(step, mu=0, bias=bias)
         r = np.exp(offset) / k[::-1]
         blur = k * np.hypot(heated.sigma, read.sigma)
-        height = float(self.edges[-1] - self.edges[0])
-        # 1e-3: k times the height of a held stack, below which g(k) is g(0) to 1e-6
-        least = 0.0 if self.endless else 1e-3 / height
-        varies = (k >= least) & (blur < np.sqrt(2) * TAIL_OF_GAUSS)
+        seen = blur < np.sqrt(2) * TAIL_OF_GAUSS
         g = np.zeros((len(s), samples), dtype=complex)
-        g[:, varies] = self.green(k[varies], s, heated, read)
-        g[:, k < least] = g[:, varies][:, :1]
+        g[:, seen] = self.green(k[seen], s, heated, read)
         g *= k * np.exp(-(blur**2) / 2) / (2 * np.pi)
         real, imaginary = fht(np.stack([g.real, g.imag]), step, 0, offset, bias)
         G = real + 1j * imaginary

@@ -98,7 +98,7 @@ class Shape:
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
-        """The area in the plane, in um; an empty one of an outline that crosses itself."""
+        """The area in the plane, in um; an empty one of a line or outline that crosses itself."""
         if self.path is None:
             plain = shapely.Polygon(np.asarray(self.outline) * UM)
             joined = plain.buffer(0)  # also of a ring that is cut open
@@ -106,7 +106,8 @@ class Shape:
             return joined if abs(plain.area - joined.area) < 1e-6 * plain.area else shapely.Polygon()
         line = np.asarray(self.path) * UM
         curve = shapely.LinearRing(line) if self.closed else shapely.LineString(line)
-        return curve.buffer(self._breadth / 2 * UM, cap_style="flat", join_style="mitre")
+        around = curve.buffer(self._breadth / 2 * UM, cap_style="flat", join_style="mitre")
+        return around if curve.is_simple else shapely.Polygon()
 
     @cached_property
     def closed(self) -> bool:

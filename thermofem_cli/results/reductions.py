@@ -1,6 +1,5 @@
 """Reductions of arrays and layouts, as ``reduce`` writes and prints them."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,10 @@ from ..console import say, working, written
 LEAST_TOLERANCE = 1e-3  # of layouts and racetracks: bends and neighbours, which they neglect, leave about that
 
 
-def written_channels(
-    model: Any, what: str, error_bound: float, provenance: Mapping[str, Any], output: Path
-) -> dict[str, Any]:
+def written_channels(model: Any, what: str, output: Path) -> dict[str, Any]:
     """Write a reduced model of one ring, print and return the numbers of its channels; ``what`` it was made of."""
-    surrogate.save_model(model, output, provenance=provenance)
+    surrogate.save_model(model, output)
+    error_bound = model.origin["error_bound"]
     say(f"{what}, error of Z(f) below {error_bound:.1e} of R_th everywhere")
     rows = channel_steps(model) or []
     for row in rows:
@@ -51,34 +49,33 @@ def reduced_array(
     """Reduce an array of equal rings at given positions: one input and output for each, further inputs for heaters."""
     places = _places(positions)
     array = surrogate.reduce_array(heat, places, tolerance, heated=heated[0], heaters=heated[1:])
-    numbers = _written(array, output, f"{len(places)} rings, {array.poles} poles", "everywhere")
-    return {"rings": len(places), **numbers}
+    return {"rings": len(places), **_written_array(array, f"{len(places)} rings", output)}
 
 
 def reduced_layout(path: Path, tolerance: float, output: Path) -> dict[str, Any]:
     """Reduce a layout: one input and output for each shape."""
     with working("solving the sections of the shapes and their paths"):
-        layout = surrogate.reduce_layout(th.read_layout(path), max(tolerance, LEAST_TOLERANCE))
-    count = len(layout.model.outputs)
-    passive = "passive" if layout.passive else "not passive"
-    numbers = _written(layout, output, f"{count} shapes, {layout.order} states, {passive}")
-    half_times = layout.half_times.tolist()
-    return {"shapes": count, **numbers, "half_times": half_times, "passive": layout.passive}
+        shapes = th.read_layout(path)
+        layout = surrogate.reduce_layout(shapes, max(tolerance, LEAST_TOLERANCE))
+    return {"shapes": len(shapes), **_written_array(layout, f"{len(shapes)} shapes", output)}
 
 
-def _written(array: ArrayReduction, output: Path, size: str, where: str = "") -> dict[str, Any]:
-    """Write a model of many rings or shapes; print and return its size, its error, and R_th of all of them."""
-    surrogate.save_model(array.model, output, provenance=array.provenance)
-    say(f"{size}, error of Z(f) below {array.error_bound:.1e} of R_th {where}".rstrip())
-    for name, row in zip(array.model.outputs, array.crosstalk, strict=True):
-        values = [f"{value / 1e3:.4g}" for value in row]
-        say(f"R_th of {name} in K/mW: {', '.join(values)}")
+def _written_array(array: ArrayReduction, what: str, output: Path) -> dict[str, Any]:
+    """Write the model of an array or layout, print and return its numbers; ``what`` it was made of."""
+    surrogate.save_model(array, output)
+    passive = "passive" if array.passive else "not passive"
+    say(f"{what}, {array.order} states, {passive}, error of Z(f) below {array.error_bound:.1e} of R_th everywhere")
+    names = list(array.model.outputs)
+    for name, row in zip(names, array.crosstalk, strict=True):
+        say(f"R_th of {name} in K/mW: {', '.join(f'{value / 1e3:.4g}' for value in row)}")
     return {
         "poles": array.poles,
         "error_bound": array.error_bound,
         "heated": list(array.model.inputs),
-        "read": list(array.model.outputs),
+        "read": names,
         "thermal_resistance": array.crosstalk.tolist(),
+        "half_times": array.half_times.tolist(),
+        "passive": array.passive,
         "model": output,
     }
 
@@ -91,11 +88,8 @@ def reduced_racetrack(
 
     with working("solving the section and the path of the racetrack"):
         model = reduce_racetrack(section, max(tolerance, LEAST_TOLERANCE), heated, read)
-    origin = model.origin or {}
     length = quantity.rounded(section.path_length(section.first_heated.centre), "m", 5)
-    return written_channels(
-        model, f"racetrack of {length}: {model.order} states", origin["error_bound"], origin, output
-    )
+    return written_channels(model, f"racetrack of {length}: {model.order} states", output)
 
 
 def _places(path: Path) -> list[tuple[float, float]]:
