@@ -25,7 +25,7 @@ from .circuit.circuit import Circuit
 from .circuit.network import ring_heat
 from .heaters import AMBIENT, LongOn, Poles, channels, heating
 from .inputs import Pieces, add, joint, largest, pieces
-from .resistive_heaters import ResistiveHeater, ThermalInput, at_rest, read_heaters
+from .resistive_heaters import ResistiveHeater, at_rest, drive_in_time, read_heaters
 from .states import final_state, starting_point
 from .thermal import attributes
 
@@ -243,7 +243,7 @@ def difference(some: Mapping[str, Pieces], others: Mapping[str, Pieces]) -> floa
 
 def _square(heater: ResistiveHeater, duration: float) -> Pieces:
     """The square of a drive, V^2 or A^2, over [0, duration]."""
-    drive = ThermalInput.of(heater.name, heater.drive).in_time(duration)
+    drive = drive_in_time(heater.name, heater.drive, duration)
     if drive.steady:
         return Pieces.constant(0.0, duration, float(drive(0.0)) ** 2)
     return Function(lambda t: drive(t) ** 2, drive.edges[1:-1]).pieces(0.0, duration)

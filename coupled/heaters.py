@@ -22,7 +22,7 @@ from thermofem.piecewise import hermite
 from thermofem.ring_temperature import CORE, detuning_output
 
 from .inputs import Pieces, add, check_ring, last_change
-from .resistive_heaters import Rest, ThermalInput, at_rest
+from .resistive_heaters import Rest, at_rest, drive_in_time
 from .resonator import RingResonator
 from .thermal import Compact, check_model, check_resistance, compact
 
@@ -152,7 +152,7 @@ def heating(
     for name in given.keys() - {AMBIENT}:
         hint = "" if poles else "the thermal model has no heaters among its inputs"
         checks.choice("a name in heaters", name, poles, hint=hint)
-    powers = {name: ThermalInput.of(name, power).in_time(duration) for name, power in given.items()}
+    powers = {name: drive_in_time(name, power, duration) for name, power in given.items()}
     dark = Pieces.constant(0.0, duration, 0.0)
     begin = [_long_on(given.get(name, 0.0)) / each.rate for name, each in poles.items()]
     if before is not None:

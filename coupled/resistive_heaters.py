@@ -108,35 +108,30 @@ def check_drive(name: str, value: Any, unit: str, hint: str = "") -> float:
     return checks.between(name, value, *RANGES[unit], unit=unit, hint=hint)
 
 
-class ThermalInput(NamedTuple):
-    """An input of a thermal model: its name in messages, its unit (W, V, A; K of the ambient), and its values."""
+def _parts(name: str, drive: Any) -> tuple[str, str, Any]:
+    """Name in messages, unit (W, V, A; K of the ambient) and values of an input of a thermal model."""
+    if name == AMBIENT:
+        return AMBIENT, "K", drive
+    return f"heaters[{name!r}]", getattr(drive, "unit", "W"), getattr(drive, "wave", drive)
 
-    label: str
-    unit: str
-    wave: Any
 
-    @classmethod
-    def of(cls, name: str, given: Any) -> "ThermalInput":
-        """The drive of the input ``name`` as a caller gives it."""
-        if name == AMBIENT:
-            return cls(AMBIENT, "K", given)
-        return cls(f"heaters[{name!r}]", getattr(given, "unit", "W"), getattr(given, "wave", given))
+def constant_drive(name: str, drive: Any) -> float:
+    """The value of a constant drive of the input ``name``; raises as `check_drive`."""
+    label, unit, value = _parts(name, drive)
+    hint = "a constant, such as 5e-3 in W or coupled.Volts(1.2); coupled.simulate takes waveforms"
+    return check_drive(label, value, unit, hint)
 
-    def constant(self) -> float:
-        """Its value; raises as `check_drive`."""
-        hint = "a constant, such as 5e-3 in W or coupled.Volts(1.2); coupled.simulate takes waveforms"
-        return check_drive(self.label, self.wave, self.unit, hint)
 
-    def in_time(self, duration: float) -> Pieces:
-        """Piecewise cubics over [0, duration]; raises as `check_drive`."""
-        if self.unit == "W":
-            hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
-            power = power_in_time(self.wave, duration, self.label, LARGEST_POWER, hint)
-            return pieces(self.label, power, 0.0, duration)
-        found = pieces(self.label, self.wave, 0.0, duration)
-        for value in bounds(found):
-            check_drive(self.label, value, self.unit)
-        return found
+def drive_in_time(name: str, drive: Any, duration: float) -> Pieces:
+    """A drive of the input ``name`` as piecewise cubics over [0, duration]; raises as `check_drive`."""
+    label, unit, wave = _parts(name, drive)
+    if unit == "W":
+        hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
+        return pieces(label, power_in_time(wave, duration, label, LARGEST_POWER, hint), 0.0, duration)
+    found = pieces(label, wave, 0.0, duration)
+    for value in bounds(found):
+        check_drive(label, value, unit)
+    return found
 
 
 def resistive_heaters(model: Any, heaters: Mapping[str, Any]) -> list[ResistiveHeater]:
@@ -196,7 +191,7 @@ def at_rest(model: Any, heaters: Mapping[str, Any] | None) -> Rest:
     """
     heaters = checks.mapping("heaters", heaters)
     resistive = resistive_heaters(model, heaters)
-    powers = {name: ThermalInput.of(name, given).constant() for name, given in heaters.items()}
+    powers = {name: constant_drive(name, drive) for name, drive in heaters.items()}
     squares = {heater.name: powers[heater.name] ** 2 for heater in resistive}
     for heater in resistive:
         powers[heater.name] = float(heater.power(squares[heater.name], 0.0))

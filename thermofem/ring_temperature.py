@@ -53,18 +53,6 @@ class GuidedMode(NamedTuple):
         return self.name == other.name and change < SAME_WAVELENGTH
 
 
-class Ratio(NamedTuple):
-    """Smallest and largest ratio of two step responses from 1 ns on."""
-
-    least: float
-    most: float
-
-    @property
-    def deviation(self) -> float:
-        """Largest distance from 1."""
-        return max(abs(self.least - 1), abs(self.most - 1))
-
-
 def detuning_output(wanted: str, heated: str, outputs: tuple[str, ...]) -> str:
     """The output of a model that detunes a ring, by default.
 
@@ -136,12 +124,13 @@ def check_read(
         warning = f"{text}; how far they differ is not known, as the model does not hold its geometry"
         _log_once(warning)
         return {"read": read, "warning": warning}
-    text += f": {ratio.least:.3g} to {ratio.most:.3g} times the wanted step, from 1 ns on"
+    least, most = ratio
+    text += f": {least:.3g} to {most:.3g} times the wanted step, from 1 ns on"
     # a model whose step differs by more than 20 % is refused
-    if ratio.deviation > 0.2 and not chosen:
+    if np.abs(ratio - 1).max() > 0.2 and not chosen:
         raise InputError(text, hint)
     log.warning("%s; %s", text, hint)
-    return {"read": read, "read_ratio": np.array(ratio), "warning": text}
+    return {"read": read, "read_ratio": ratio.copy(), "warning": text}
 
 
 HINTS = {
@@ -161,8 +150,8 @@ def _log_once(warning: str) -> None:
 
 
 @functools.lru_cache(64)
-def _ratio(geometry: str, heated: str, of_model: str | GuidedMode, of_ring: str | GuidedMode) -> Ratio | None:
-    """Ratio of the step that the model reads to that which the ring reads; None where no mode can be computed."""
+def _ratio(geometry: str, heated: str, of_model: str | GuidedMode, of_ring: str | GuidedMode) -> Array | None:
+    """Least and greatest ratio of the step that a model reads to that of a ring; None where no mode can be computed."""
     try:
         # two temperatures differ by the field in the section: those of a racetrack as those of its bends
         bends = replace(CrossSection.from_toml_text(geometry), straight=0.0)
@@ -170,7 +159,7 @@ def _ratio(geometry: str, heated: str, of_model: str | GuidedMode, of_ring: str 
         ratio = _step(heat, heated, of_model) / _step(heat, heated, of_ring)
     except InputError:
         return None
-    return Ratio(float(ratio.min()), float(ratio.max()))
+    return np.array([ratio.min(), ratio.max()])
 
 
 def _step(heat: HeatProblem, heated: str, output: str | GuidedMode) -> Array:

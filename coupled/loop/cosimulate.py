@@ -19,7 +19,7 @@ from thermofem.waveforms import KINDS, PiecewiseCubic, Waveform
 from ..heater_loop import HeaterLoop, difference, heater_loop
 from ..heaters import heater_powers
 from ..inputs import Lights, Pieces, check_ring, check_run, detuning_in_time, last_change, pieces, power_in_time
-from ..resistive_heaters import ThermalInput, resistive_heaters
+from ..resistive_heaters import drive_in_time, resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
 from ..runs.window import Laser, Window, lights_of, provenance, traces
@@ -206,7 +206,7 @@ def _electric(
 
 def _over(name: str, value: Any, duration: float) -> Any:
     """Return the checked power of a heater: a waveform as it is; a number, function or list as a piecewise cubic."""
-    power = ThermalInput.of(name, value).in_time(duration)
+    power = drive_in_time(name, value, duration)
     if type(value).__name__ in KINDS and not isinstance(value, Function):
         return value
     return PiecewiseCubic(power.edges, power.coefficients)

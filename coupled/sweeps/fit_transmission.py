@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,6 +14,7 @@ from thermofem.models import HasModel, ThermalModel
 from thermofem.models.foster import second_order_poles
 
 from ..heaters import warmed
+from ..identification.box_search import End
 from ..identification.deviations import unknown_as_inf
 from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, moved_minimum, summary
 from ..inputs import check_ring, datasets, noises
@@ -23,8 +23,8 @@ from ..resonator import RingResonator
 from ..thermal import notes_of
 from ..unknowns import with_equal_buses
 from .slow_sweeps import Sweep, read_sweep
-from .sweep_doubts import correlation_of, doubts_of, level_doubts, with_other_answer
-from .transmission_search import FREQUENCY, POWER, RESISTANCE, End, Search, make_search, searched, sweep_residuals
+from .sweep_doubts import correlation_of, doubts_of, level_doubts, widening_by, with_other_answer
+from .transmission_search import FREQUENCY, POWER, RESISTANCE, Search, make_search, searched, sweep_residuals
 
 log = logging.getLogger("thermofem")
 
@@ -157,17 +157,6 @@ def fit_transmission(
     return _result(search, end, other, values, deviations, notes_of(heat.doubts))
 
 
-class Spread(NamedTuple):
-    """Deviations of logarithms (of "frequency": in linewidths) of the free and derived parameters.
-
-    relative [shape (parameters,)]: inf where the sweeps do not determine it.
-    sensitivities: by parameter, to each held number.
-    """
-
-    relative: Array
-    sensitivities: dict[str, dict[str, float]]
-
-
 def _result(
     search: Search, end: End, other: dict[str, float] | None, held_values: Mapping[str, float],
     held: Mapping[str, float], contradicted: tuple[str, ...],
@@ -185,12 +174,12 @@ def _result(
         unknowns += a.size
     misfit = float(np.sqrt(end.cost / max(end.r.size - unknowns, 1)))
     correlations = [correlation_of(sample["residual"].values) for sample in samples]
-    widening = max(misfit, 1.0) * max(correlation.widening for correlation in correlations)
-    spread = _spread(search, end, widening, held_values, held)
+    widening = max(misfit, 1.0) * widening_by(max(correlations))
+    relative, sensitivities = _spread(search, end, widening, held_values, held)
     derived = dict(zip(DERIVED, np.exp(_derived(search, end.x)).tolist(), strict=True))
     every = search.values(end.x) | derived
     deviations = {}
-    for name, s in zip((*search.names, *DERIVED), spread.relative, strict=True):
+    for name, s in zip((*search.names, *DERIVED), relative, strict=True):
         value = every[name]
         size = search.linewidth if name == FREQUENCY else value
         deviations[name] = float(unknown_as_inf(s) * size)
@@ -198,7 +187,7 @@ def _result(
     for note in notes:
         log.warning("%s", note)
     return TransmissionFit(
-        every, deviations, ring, heat, misfit, curves, samples, spread.sensitivities, other,
+        every, deviations, ring, heat, misfit, curves, samples, sensitivities, other,
         (*contradicted, *notes),
     )  # fmt: skip
 
@@ -213,8 +202,12 @@ def _derived(search: Search, x: Array) -> Array:
 
 def _spread(
     search: Search, end: End, widening: float, held_values: Mapping[str, float], held: Mapping[str, float]
-) -> Spread:
-    """Deviations of all parameters from the Jacobian, widened, and from the deviations of held numbers."""
+) -> tuple[Array, dict[str, dict[str, float]]]:
+    """Deviations of all parameters from the Jacobian, widened, and from the deviations of held numbers.
+
+    Returns those of the logarithms (of "frequency": in linewidths), inf where the sweeps do not determine one, and the
+    sensitivities to each held number by parameter.
+    """
     _, size, V = np.linalg.svd(end.J, full_matrices=False)
     visible = size > BLIND * size[0]
     slopes = []
@@ -241,7 +234,7 @@ def _spread(
     for name, blind in zip(names, unseen, strict=True):
         if blind:
             sensitivities.pop(name)
-    return Spread(relative, sensitivities)
+    return relative, sensitivities
 
 
 def _moved(search: Search, end: End, name: str, value: float, step: float, V: Array) -> Array:

@@ -10,18 +10,18 @@ phase, a drop port, or carriers made by the light, tell them apart; the through 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from thermofem.arrays import Array
 
-from ..identification.box_search import at_bound
+from ..identification.box_search import End, at_bound
 from ..resonator import RingResonator
 from ..unknowns import INTRINSIC, LOADED
 from .slow_sweeps import ABSOLUTE
-from .transmission_search import End, Search, searched
+from .transmission_search import Search, searched
 
 LOSSES = ("loss_rate", "scattering_rate", "drop_rate")
 BEYOND_BOUND = 0.5  # of a logarithm, beyond the exchanged value, to which default bounds are widened
@@ -113,28 +113,20 @@ def _over_coupled(ring: RingResonator) -> bool:
     return ring.bus_rate > ring.linear_rate - ring.bus_rate
 
 
-class Correlation(NamedTuple):
-    """Correlation of the residuals of a sweep with those of the next samples, and the widening that it asks for.
-
-    widening: sqrt((1 + c)/(1 - c)) of the deviation of a mean, for residuals of a first-order process; else 1.
-    """
-
-    value: float
-    widening: float
-
-
-def correlation_of(residual: Array) -> Correlation:
+def correlation_of(residual: Array) -> float:
     """Correlation of neighbouring residuals, 0 where it is not significant or they are below the noise."""
     r = residual - residual.mean()
     square = float(r @ r)
     if square < LARGE**2 * r.size:
-        return Correlation(0.0, 1.0)
+        return 0.0
     value = float(r[1:] @ r[:-1]) / square
     # the correlation of white residuals has the deviation 1/sqrt(n); five of them count
-    if value * np.sqrt(r.size) < 5.0:
-        return Correlation(0.0, 1.0)
-    value = min(value, 0.95)
-    return Correlation(value, float(np.sqrt((1 + value) / (1 - value))))
+    return min(value, 0.95) if value * np.sqrt(r.size) >= 5.0 else 0.0
+
+
+def widening_by(correlation: float) -> float:
+    """Factor of the deviation of a mean, for residuals of a first-order process."""
+    return float(np.sqrt((1 + correlation) / (1 - correlation)))
 
 
 def level_doubts(samples: Sequence[xr.Dataset]) -> list[str]:
@@ -156,7 +148,7 @@ def level_doubts(samples: Sequence[xr.Dataset]) -> list[str]:
 
 
 def doubts_of(
-    search: Search, end: End, deviations: Mapping[str, float], misfit: float, correlations: Sequence[Correlation],
+    search: Search, end: End, deviations: Mapping[str, float], misfit: float, correlations: Sequence[float],
     other: Mapping[str, float] | None,
 ) -> list[str]:  # fmt: skip
     """Sentences on the doubts about a fit."""
@@ -169,10 +161,9 @@ def doubts_of(
     for k in np.flatnonzero(at_bound(end.x, search.low, search.high)):
         name = search.names[k] if k < len(search.names) else "the scale"
         notes.append(f"{name} ended on a bound of its search: the others hold for this value only; widen bounds")
-    correlated = [k for k, found in enumerate(correlations) if found.value > 0]
-    if correlated:
-        strongest = max(found.value for found in correlations)
-        which = ", ".join(map(str, correlated))
+    strongest = max(correlations)
+    if strongest > 0:
+        which = ", ".join(map(str, np.flatnonzero(correlations)))
         notes.append(
             f"the residuals of sweep {which} are correlated, by up to {strongest:.2f} from one sample to the next: the "
             f"model misses something, such as {CAUSES}; the deviations are widened"

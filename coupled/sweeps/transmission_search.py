@@ -31,6 +31,7 @@ from thermofem import Foster, InputError, checks
 from thermofem.arrays import Array
 
 from ..equilibria.transmission import port_curve, transmission
+from ..identification.box_search import End
 from ..resonator import RingResonator
 from ..thermal import as_read
 from ..unknowns import SPAN, check_apart, fitted_names, number_of, span_of, varied
@@ -208,19 +209,6 @@ class Line(NamedTuple):
     output: Array
 
 
-class End(NamedTuple):
-    """Result of a search: unknowns x, residuals r and their Jacobian J."""
-
-    x: Array
-    r: Array
-    J: Array
-
-    @property
-    def cost(self) -> float:
-        """Sum of the squared residuals."""
-        return float(self.r @ self.r)
-
-
 def make_search(
     ring: RingResonator, resistance: float, data: list[Sweep], free: Sequence[str],
     bounds: Mapping[str, tuple[float, float]] | None,
@@ -270,7 +258,7 @@ def _log_output(sweep: Sweep) -> float:
 
 
 def searched(search: Search, start: Array) -> End:
-    """Minimise the residuals from a start: returns the unknowns x, the residuals and their Jacobian.
+    """Minimise the residuals from a start: returns unknowns x, residuals, their Jacobian, and the sum of their squares.
 
     A first search uses a robust loss (soft L1), as samples beyond a fold have large residuals at first.
 
@@ -290,4 +278,4 @@ def searched(search: Search, start: Array) -> End:
     best = descended(first.x, "linear", "3-point", WIDE)
     if best.fun[0] == IMPOSSIBLE:
         raise InputError("no ring in the bounds has a steady transmission at these powers")
-    return End(best.x, best.fun, best.jac)
+    return End(best.x, best.fun, best.jac, 2 * float(best.cost))

@@ -16,7 +16,7 @@ import coupled
 import thermofem as th
 from coupled.identification.held_numbers import leaning, summary
 from coupled.sweeps.slow_sweeps import with_seen_resonance
-from coupled.sweeps.sweep_doubts import correlation_of
+from coupled.sweeps.sweep_doubts import correlation_of, widening_by
 from coupled.unknowns import varied
 
 BOTH = coupled.borghi2021()
@@ -175,10 +175,10 @@ def test_the_correlation_of_a_first_order_process_is_that_of_its_samples():
     for k in range(1, r.size):
         r[k] = 0.6 * r[k - 1] + rng.standard_normal()
     found = correlation_of(r)
-    assert found.value == pytest.approx(0.6, abs=5 * 0.8 / np.sqrt(r.size))  # sqrt(1 - .36)/sqrt(n) is its deviation
-    assert found.widening == pytest.approx(2, rel=0.1)
-    assert correlation_of(rng.standard_normal(4000)).widening == 1.0
-    assert correlation_of(1e-3 * r).widening == 1.0  # far below the noise: nothing that matters
+    assert found == pytest.approx(0.6, abs=5 * 0.8 / np.sqrt(r.size))  # sqrt(1 - .36)/sqrt(n) is its deviation
+    assert widening_by(found) == pytest.approx(2, rel=0.1)
+    assert correlation_of(rng.standard_normal(4000)) == 0.0
+    assert correlation_of(1e-3 * r) == 0.0  # far below the noise: nothing that matters
 
 
 def test_deviations_contain_those_of_held_numbers():
