@@ -298,12 +298,12 @@ def check_run(duration: float, rtol: float) -> tuple[float, float]:
     return check_duration(duration), checks.between("rtol", rtol, 1e-13, 1e-1, hint=hint)
 
 
-def check_times(times: ArrayLike, duration: float) -> Array:
+def check_times(times: ArrayLike, duration: float, name: str = "times") -> Array:
     """Return the output times in s, shape (n,); InputError unless they increase and lie in [0, duration]."""
-    wanted = checks.array("times", times, increasing=True, hint="times are in s")
+    wanted = checks.array(name, times, increasing=True, hint="times are in s")
     for k in (0, -1):
         hint = f"they must lie between 0 and the duration of {duration:g} s"
-        checks.between(f"times[{k}]", wanted[k], 0, duration * (1 + 1e-12), unit="s", hint=hint)
+        checks.between(f"{name}[{k}]", wanted[k], 0, duration * (1 + 1e-12), unit="s", hint=hint)
     return wanted
 
 

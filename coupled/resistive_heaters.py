@@ -118,7 +118,7 @@ def _parts(name: str, drive: Any) -> tuple[str, str, Any]:
 def constant_drive(name: str, drive: Any) -> float:
     """The value of a constant drive of the input ``name``; raises as `check_drive`."""
     label, unit, value = _parts(name, drive)
-    hint = "a constant, such as 5e-3 in W or coupled.Volts(1.2); coupled.simulate takes waveforms"
+    hint = "a constant power in W, such as 5e-3, or coupled.Volts(1.2); coupled.simulate takes waveforms"
     return check_drive(label, value, unit, hint)
 
 

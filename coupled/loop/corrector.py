@@ -111,7 +111,6 @@ class FEM:
             raise InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
         inputs = (self.heated, *self.heaters)
         system = heat.model(inputs, self.read) if isinstance(heat, HeatProblem) else _channels(heat, inputs, self.read)
-        self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
         self.basis = krylov(self.linear)
         # the steps of the FEM may take 0.3 of the discrepancy of the co-simulation

@@ -18,7 +18,17 @@ from thermofem.waveforms import KINDS, PiecewiseCubic, Waveform
 
 from ..heater_loop import HeaterLoop, difference, heater_loop
 from ..heaters import heater_powers
-from ..inputs import Lights, Pieces, check_ring, check_run, detuning_in_time, last_change, pieces, power_in_time
+from ..inputs import (
+    Lights,
+    Pieces,
+    check_ring,
+    check_run,
+    check_times,
+    detuning_in_time,
+    last_change,
+    pieces,
+    power_in_time,
+)
 from ..resistive_heaters import drive_in_time, resistive_heaters
 from ..resonator import RingResonator
 from ..runs.simulate import simulate
@@ -116,8 +126,8 @@ def cosimulate(
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     field_moments = checks.array("field_times", field_times, increasing=True, empty=True)
-    for time in field_moments[[0, -1]] if field_moments.size else ():
-        checks.between("field_times", time, 0, duration, unit="s", hint="they lie between 0 and the duration")
+    if field_moments.size:
+        check_times(field_moments, duration, "field_times")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
         drives = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
         read = _read_output(ring, heat)
