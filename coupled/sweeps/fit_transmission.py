@@ -16,7 +16,7 @@ from thermofem.models.foster import second_order_poles
 from ..heaters import warmed
 from ..identification.box_search import End
 from ..identification.deviations import unknown_as_inf
-from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, moved_minimum, summary
+from ..identification.held_numbers import HELD_STEP, held_deviations, held_numbers, summary
 from ..inputs import check_ring, datasets, noises
 from ..parameters import SECOND_ORDER_FEM
 from ..resonator import RingResonator
@@ -244,7 +244,8 @@ def _moved(search: Search, end: End, name: str, value: float, step: float, V: Ar
     """
     changed = search.with_held(name, value + step)
     change = (changed.residuals(end.x) - end.r) / HELD_STEP
-    x_slope = V.T @ moved_minimum(end.J @ V.T, change)
+    along = np.linalg.lstsq(end.J @ V.T, change, rcond=None)[0]
+    x_slope = -V.T @ along
     moved_x = end.x + HELD_STEP * x_slope
     derived_slope = (_derived(changed, moved_x) - _derived(search, end.x)) / HELD_STEP
     return np.concatenate([x_slope[: len(search.names)], derived_slope])
