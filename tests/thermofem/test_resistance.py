@@ -143,6 +143,14 @@ def test_the_data_sheet_of_a_straight_shifter():
     assert sheet["shift_per_kelvin"] == pytest.approx(wavelength / mode.n_g * slope, rel=1e-3, abs=0)
 
 
+def test_a_tcr_that_makes_the_resistance_of_a_data_sheet_negative_is_named():
+    """-2 % per kelvin: R is negative from 50 K on, and pi takes 19 mW, about 300 K."""
+    values = {"light.wavelength": "1.55 um", "part.heater.resistance": "120 ohm", "part.heater.tcr": "-0.02 1/K"}
+    with pytest.raises(th.InputError) as error:
+        th.assemble(RING.with_(values), accuracy=5e-2).heater_sheet()
+    says(error, "resistance of 'heater'", "tcr = -0.02 1/K")
+
+
 def test_commands_print_the_data_sheet(tmp_path):
     section = RING.with_({"light.wavelength": "1.55 um", "light.loss": "2 dB/cm", "part.heater.resistance": "120 ohm"})
     (tmp_path / "ring.toml").write_text(section.to_toml())
