@@ -152,7 +152,7 @@ def hopf_near(family: Family, place: Place) -> Place | None:
     times = np.linspace(0, T, PER_STEP + 1)
     rows = np.column_stack([times, np.tile(row[1:], (times.size, 1))])
     durations = np.array([T])
-    still = Orbit(Trace(y, y, T, rows, [(y, durations)]), expm(J * T), 0.0)
+    still = Orbit(Trace(y, y, T, rows, [(y, durations)]), expm(J * T))
     return place._replace(nodes=Nodes(y[None], durations, np.array([value])), orbit=still)
 
 

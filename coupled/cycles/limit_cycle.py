@@ -350,12 +350,9 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
     """Power (W) and detuning (Hz) of the first cycle; ``turn`` is the resonance shift by constant heaters in Hz."""
     attrs = getattr(guess, "attrs", {})
     of_hopf_point = is_hopf_point(guess)
-    guessed = attrs.get("input_power"), attrs.get("detuning", 0.0)
-    if of_hopf_point:
-        guessed = laser_of(guess, turn)
-    guessed_power, guessed_detuning = guessed
-    P = guessed_power if power is None else power
-    nu = guessed_detuning if detuning is None else detuning
+    guessed = laser_of(guess, turn) if of_hopf_point else (attrs.get("input_power"), attrs.get("detuning", 0.0))
+    P = guessed[0] if power is None else power
+    nu = guessed[1] if detuning is None else detuning
     if P is None:
         raise InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
     P = check_power(P)

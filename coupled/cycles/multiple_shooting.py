@@ -286,7 +286,7 @@ def corrected(
         on_fold = not aside or (slope and abs(off) <= 1e-6)
         # a step of Newton's method leaves less than its square times a hundred; orbits below 1 % in range count as 1 %
         if size <= 1e-7 * max(extent, 0.01) and on_fold:
-            orbit = _orbit(nodes, linear, size)
+            orbit = _orbit(nodes, linear)
             scale = weights(family, orbit.trace)
             return Place(nodes, orbit, scale, tangents, k + 1, extent_of(orbit.trace.rows), slope)
         nodes = nodes.plus(step)
@@ -309,7 +309,7 @@ def _step_across(k: int, g: float, slope: float, aside: float) -> float:
     return -g / slope if slope else aside
 
 
-def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
+def _orbit(nodes: Nodes, known: Linear) -> Orbit:
     """Join the arcs of converged nodes to one orbit, with V the product of their derivatives."""
     runs = known.runs
     begins = np.concatenate([[0.0], np.cumsum(nodes.h)])
@@ -321,7 +321,7 @@ def _orbit(nodes: Nodes, known: Linear, move: float) -> Orbit:
     for arc in known.V:
         V = arc @ V
     trace = Trace(nodes.y[0], runs[-1].y, float(begins[-1]), rows, parts)
-    return Orbit(trace, V, move)
+    return Orbit(trace, V)
 
 
 def predicted(family: Family, place: Place, rows: Array, step: float, rtol: float = COARSE) -> Place | None:

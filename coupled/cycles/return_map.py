@@ -52,7 +52,6 @@ class Orbit:
 
     trace: Trace
     V: Array  # derivative of the flow over the period
-    move: float  # relative size of the last step of Newton's method
     pulses: int = 1  # crossings of the section in a period
 
     @property
@@ -312,7 +311,7 @@ class Search(NamedTuple):
                 return None
             y, size = step
             if size < CLOSED[rtol]:
-                return Approach(Orbit(trace, V, size, self.pulses), y)
+                return Approach(Orbit(trace, V, self.pulses), y)
         return None
 
     def by_chords(self, y: Array, rtol: float, start: Chord) -> Orbit | None:
@@ -335,7 +334,7 @@ class Search(NamedTuple):
                 return None
             following, size = step
             if size < CLOSED[rtol]:
-                return self._concluded(trace, rtol, start, size)
+                return self._concluded(trace, rtol, start)
             # a chord step that does not shrink to a fifth asks for the derivative anew
             renew = not renew and size > 0.2 * before
             before = size
@@ -354,10 +353,10 @@ class Search(NamedTuple):
                 return y
         return None
 
-    def _concluded(self, trace: Trace, rtol: float, last: Chord, size: float) -> Orbit | None:
+    def _concluded(self, trace: Trace, rtol: float, last: Chord) -> Orbit | None:
         """The orbit of a closed trajectory, recomputed at FINEST where the error of its period at FINE is too large."""
         V, error = self._followed(trace, last)
-        orbit = Orbit(trace, V, size, self.pulses)
+        orbit = Orbit(trace, V, self.pulses)
         if rtol == FINE and error > ERROR:
             return close(self.flow, trace.start, self.pulses, self.longest, rtol=FINEST, beside=orbit) or orbit
         return orbit

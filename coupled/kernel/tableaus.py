@@ -6,11 +6,9 @@ from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array
 from thermofem.checks import Words
-
-Array = NDArray[np.float64]
 
 
 class Method(Words):
