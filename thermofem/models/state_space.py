@@ -273,12 +273,8 @@ def _definite(matrix: Array) -> bool:
     if (diagonal <= 0).any():
         return False
     length = np.sqrt(diagonal)
-    scaled = matrix / length / length[:, None]
-    try:
-        np.linalg.cholesky(scaled + DEFINITE_ROUND_OFF * np.eye(len(matrix)))
-    except np.linalg.LinAlgError:
-        return False
-    return True
+    smallest = np.linalg.eigvalsh(matrix / length / length[:, None])[0]
+    return bool(smallest > -DEFINITE_ROUND_OFF)
 
 
 def has_ports(model: Any) -> bool:

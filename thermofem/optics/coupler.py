@@ -141,7 +141,7 @@ def coupling(mode: Mode, gap: float, straight: float = 0.0, *, radius: float | N
     Raises InputError: a gap that is not positive or in another unit; kappa^2 above `MOST`.
     """
     light = mode.light
-    outer = light.outline[1:3, 0] - light.centre
+    outer = light.surroundings.outline[1:3, 0] - light.centre
     slant = float(outer.max() - outer.mean())
     least = 2 * (SMALLEST + slant)
     gap = checks.between("gap", gap, least, LARGEST, unit="m", hint="did you mean 250e-9? It is that at half height")

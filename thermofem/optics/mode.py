@@ -185,7 +185,7 @@ class Mode:
         """Fraction of the mode's n^2 |E|^2 that lies in what guides, over the width of the core."""
         mesh = self.space.mesh
         x = mesh.p[0][mesh.t].mean(axis=0)
-        walls = (self.light.outline[:, 0] - self.light.centre) * UM
+        walls = (self.light.surroundings.outline[:, 0] - self.light.centre) * UM
         column = (x > walls.min()) & (x < walls.max())
         return self._share_of(self._energy * column[:, None], *self.guiding)
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..arrays import Array
 from ..checks import InputError
 from .mode import Mode
 from .mode_elements import Space
@@ -21,7 +20,7 @@ from .surroundings import REFERENCE, TAIL, Surroundings
 
 if TYPE_CHECKING:
     from ..fem import HeatProblem
-    from ..geometry import CrossSection, Part
+    from ..geometry import CrossSection
     from ..mesh import Mesh
 
 RIDGE = 0.9  # of dn_eff/dn of what guides: a part with less is the ridge of a rib, the rim of a disc, half of a diode
@@ -71,15 +70,10 @@ class Light:
         light.surroundings.core_index  # noqa: B018 - the core has an index at this wavelength
         return light
 
-    @property
-    def guide(self) -> Part:
-        """The part that guides."""
-        return self.geometry.part(self.part)
-
     @cached_property
     def surroundings(self) -> Surroundings:
         """What lies around the part on each side."""
-        return Surroundings(self.geometry, self.guide, self.wavelength)
+        return Surroundings(self.geometry, self.geometry.part(self.part), self.wavelength)
 
     @property
     def walls(self) -> tuple[float, float]:
@@ -104,11 +98,6 @@ class Light:
     def radius(self) -> float:
         """R in m; inf for a straight guide."""
         return math.inf if self.geometry.kind == "straight" else self.centre
-
-    @property
-    def outline(self) -> Array:
-        """Corners of the core in m, shape (4, 2)."""
-        return self.surroundings.outline
 
     def box(self, left: float, right: float, below: float, above: float) -> Box:
         """Box (left, right, bottom, top) in m that extends by these lengths beyond the core, cut to its limits."""

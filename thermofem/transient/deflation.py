@@ -37,12 +37,11 @@ from .esdirk import GAMMA, STAGE_TIMES, WEIGHTS, Stepper
 from .fast_part import Advanced, FastPart, FieldState, Inside
 from .integration import between
 from .nonlinear import Ledger, NonlinearEquations
-from .remainders import SETTLED_SHARE, LinearRemainder, NonlinearRemainder
+from .remainders import ERROR_SHARE, SETTLED_SHARE, LinearRemainder, NonlinearRemainder
 
 if TYPE_CHECKING:
     from ..models import StateSpace
 
-ERROR_SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
 
@@ -70,20 +69,14 @@ class FieldIntegrator:
         self.tolerance = tolerance
         self.basis = basis
         self.ledger = ledger
+        self.equations: LinearRemainder | NonlinearRemainder
         if isinstance(system, NonlinearEquations):
             self.linear = system.linear
-            self.equations: LinearRemainder | NonlinearRemainder
             self.equations = NonlinearRemainder(system, basis, tolerance, factors)
         else:
             self.linear = system
-            self.equations = LinearRemainder(system, basis, tolerance, factors)
+            self.equations = LinearRemainder(system, basis, factors)
         self.stepper: Stepper = self.equations.stepper
-        per_watt = [self.stepper.factors.solve(0.0, 1.0, column) for column in self.linear.B.T]
-        largest_output = np.abs(self.linear.C @ np.column_stack(per_watt)).max()
-        self.per_kelvin = max(map(self.stepper.norm, per_watt)) / largest_output
-        if isinstance(self.equations, NonlinearRemainder):
-            self.equations.share = ERROR_SHARE
-            self.equations.per_kelvin = self.per_kelvin
         self.direct = np.array(direct) if len(direct) else np.zeros(len(self.linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, Array] = {}
@@ -262,7 +255,7 @@ class FieldIntegrator:
         """Errors of a step relative to the tolerance: of outputs and field at its end, and of outputs inside it."""
         allowed = ERROR_SHARE * self.tolerance
         outputs = np.abs(self.linear.C @ estimate).max()
-        field = self.stepper.norm(estimate) / self.per_kelvin
+        field = self.stepper.norm(estimate) / self.equations.per_kelvin
         end_error = float(max(outputs, field))
         inside_error = float(np.abs(inside).max())
         return end_error / allowed, inside_error / allowed

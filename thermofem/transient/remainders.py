@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..models import StateSpace
 
 ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
+ERROR_SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 SETTLED_SHARE = 1e-3  # of the tolerance, that an iteration may leave
 
 
@@ -57,7 +58,10 @@ class RevisedEnd(NamedTuple):
 
 
 class _Parts:
-    """Matrices of both kinds: E V, K V and the forcing of the remainder by powers and amplitudes."""
+    """Matrices of both kinds: E V, K V and the forcing of the remainder by powers and amplitudes.
+
+    per_kelvin: energy norm of a field whose output is 1 K.
+    """
 
     def __init__(self, stepper: Stepper, basis: Basis) -> None:
         V = basis.vectors
@@ -68,6 +72,14 @@ class _Parts:
         by_power = stepper.B - self.EV @ basis.heating
         by_amplitude = self.EV * basis.rate - self.KV
         self.forcing = np.column_stack([by_power, by_amplitude])
+        per_watt = [stepper.factors.solve(0.0, 1.0, column) for column in stepper.B.T]
+        largest_output = np.abs(stepper.C @ np.column_stack(per_watt)).max()
+        self.per_kelvin = max(map(stepper.norm, per_watt)) / largest_output
+
+    def gained(self, new: FastPart, old: FastPart, energy: Array, length: float) -> Array:
+        """Heat in J that revised powers bring to the remainder; ``energy`` [J]: of each input beyond that before."""
+        of_amplitudes = length * (new.mean() - old.mean())
+        return self.forcing @ np.concatenate([energy, of_amplitudes])
 
 
 class LinearRemainder(_Parts):
@@ -75,7 +87,7 @@ class LinearRemainder(_Parts):
 
     inside_share = 1.0  # of the error inside a step that counts for the next step's length
 
-    def __init__(self, system: StateSpace, basis: Basis, tolerance: float, factors: Pencil | None) -> None:
+    def __init__(self, system: StateSpace, basis: Basis, factors: Pencil | None) -> None:
         quiet = [Constant(0.0)] * len(system.inputs)
         super().__init__(Stepper(system, quiet, factors), basis)
         self.curved = None
@@ -104,8 +116,7 @@ class LinearRemainder(_Parts):
 
         r gains the heat of the changed powers that V does not represent, spread for the length of a step.
         """
-        of_amplitudes = length * (new.mean() - old.mean())
-        heat = self.forcing @ np.concatenate([gained, of_amplitudes])
+        heat = self.gained(new, old, gained, length)
         r = end.r + self.stepper.solve(GAMMA * end.step, heat)
         return RevisedEnd(new.values[-1], r, end.slope)
 
@@ -121,8 +132,6 @@ class NonlinearRemainder(_Parts):
         quiet = [Constant(0.0)] * len(linear.inputs)
         super().__init__(NewtonStepper(system, quiet, tolerance, factors), basis)
         self.tolerance = tolerance
-        self.share = 1.0  # of the tolerance, for the error of a step
-        self.per_kelvin = 1.0  # energy norm of a field whose output is 1 K
         self.curved = curvature(system, basis)
         self.flow = flow_of(system, basis.vectors)
         self.loads = np.column_stack([self.KV, self.forcing, self.EV])
@@ -160,8 +169,7 @@ class NonlinearRemainder(_Parts):
         system = s.system
         z = new.values[-1]
         before = old.values[-1]
-        of_amplitudes = length * (new.mean() - old.mean())
-        heat = self.forcing @ np.concatenate([gained, of_amplitudes])
+        heat = self.gained(new, old, gained, length)
         products = new.mean_products() - old.mean_products()
         bent = length * self.flow(products[None])[0]
         flow, held = self.curved(np.stack([z, before]))
@@ -206,7 +214,7 @@ class NonlinearRemainder(_Parts):
         loads = np.hstack([z, piece.stages, flow]) @ self.loads.T
         targets = follows + shift * (loads + correction)
         # Newton's method may leave 0.02 of the error of a step in a stage
-        s.tolerance = 0.02 * self.share * self.tolerance / max(s.rise, self.tolerance)
+        s.tolerance = 0.02 * ERROR_SHARE * self.tolerance / max(s.rise, self.tolerance)
         start = s.system.content(fields[0] + states[0]) - follows[0]
         for i in range(1, 6):
             before = start + h * (STAGES[i, :i] @ slopes[:i])
