@@ -27,6 +27,9 @@ def design(
     workers: options.Processes = 1,
     scheduler: str | None = None,
     seed: options.Seed = 0,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Also write the geometry of the ring (TOML).")
+    ] = None,
 ) -> dict[str, Any]:
     """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front.
 
@@ -38,6 +41,7 @@ def design(
     """
     import surrogate
     from thermofem import InputError
+    from thermofem.data import files
 
     from .inputs.command_files import expect
     from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, units_of
@@ -86,6 +90,9 @@ def design(
         )
     resistance_of_mesh = written(result.thermal_resistance, "K/W")
     say(f"{channel}: on its own mesh R_th = {resistance_of_mesh}, off by {result.certified.error:.1e}")
+    if output is not None:
+        text = result.certified.heat.geometry.to_toml()
+        files.write_whole(output, lambda path: path.write_text(text, encoding="utf-8"))
     front = None
     if result.front is not None:
         front = {str(name): column.values.tolist() for name, column in result.front.items()}
@@ -104,6 +111,7 @@ def design(
         "error": result.certified.error,
         "thermal_resistance": result.thermal_resistance,
         "front": front,
+        "geometry": output,
     }
 
 

@@ -48,13 +48,10 @@ class Optics:
 
     def check(self, family: Family) -> None:
         """Raise InputError for a parameter that the family does not have."""
-        for name, value in checks.mapping("optics: at", self.at).items():
-            checks.choice("optics: parameter", name, family.names)
-            checks.finite(f"optics: at {name}", value)
-        for number, each in self.slopes.items():
-            for name, slope in each.items():
-                checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
-                checks.finite(f"optics: slope of {number}", slope)
+        for numbers in (self.at, *self.slopes.values()):
+            for name, value in checks.mapping("optics", numbers).items():
+                checks.choice("optics: parameter", name, family.names)
+                checks.finite(f"optics: number of {name}", value)
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every optical number, by name in SI, at the member with the parameters ``values``."""

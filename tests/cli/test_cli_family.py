@@ -49,7 +49,11 @@ def test_design(folder):
         surrogate.load_family(folder / "family.npz").model(box=box * 1e-6).thermal_resistance
         for box in (2.079, 2.1, 2.121)
     )
-    text = run("design", str(folder / "family.npz"), "--resistance", f"{wanted!r} K/W")
+    geometry = folder / "designed.toml"
+    text = run("design", str(folder / "family.npz"), "--resistance", f"{wanted!r} K/W", "-o", str(geometry))
+    # the search ends within 2e-3 of the target, and R_th grows nearly as the thickness
+    designed = th.CrossSection.from_toml(geometry)
+    assert designed.layers[1].thickness == pytest.approx(2.1e-6, rel=3e-3, abs=0)
     assert "reached" in text
     assert "box = 2.1 um" in text
     assert " K/mW, wanted " in text
