@@ -152,7 +152,7 @@ def uncertainty(
 
     from .inputs.command_files import expect
     from .inputs.family_members import channel_of, fixed_of, optics_of, ring_for, settled_of, spreads_of, units_of
-    from .inputs.light_drives import grid
+    from .inputs.ring_drives import grid
 
     options.unused(context, *(("and --map exclude each other", "period") if map_ else ("goes with --map", "points")))
     if not (map_ or period):

@@ -42,7 +42,7 @@ def export(
     from thermofem.export.export_header import is_export
 
     from .inputs.command_files import expect, ring_of
-    from .inputs.light_drives import detuning_of
+    from .inputs.ring_drives import detuning_of
 
     if to is None:
         raise InputError(f"--to is missing: the format, one of {', '.join(FORMATS)}")

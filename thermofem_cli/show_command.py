@@ -43,7 +43,7 @@ def show(
     from thermofem.errors import InputError
 
     from .inputs.command_files import expect, kelvin_of, kind_of
-    from .results.heater_sheets import say_each, say_sheets
+    from .results.heat_lines import say_each, say_sheets
     from .results.model_card import draw_layout, family_lines, family_numbers, model_card
 
     kind = kind_of(file)

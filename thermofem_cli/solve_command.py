@@ -54,8 +54,7 @@ def solve(
 
     from .inputs.command_files import section_of
     from .inputs.drive_texts import heating, times_of
-    from .results.heat_lines import draw_preview, draw_response, note_cut, say_heat, steady_rises
-    from .results.heater_sheets import say_each, say_sheets
+    from .results.heat_lines import draw_preview, draw_response, note_cut, say_each, say_heat, say_sheets, steady_rises
 
     if no_solve:
         why = "has no effect with --no-solve, which draws the --preview alone"

@@ -15,7 +15,7 @@ import surrogate
 import thermofem as th
 from thermofem_cli import COMMANDS, app, console
 from thermofem_cli.console import written
-from thermofem_cli.inputs.light_drives import detuning_of
+from thermofem_cli.inputs.ring_drives import detuning_of
 
 RING = coupled.borghi2021()
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])

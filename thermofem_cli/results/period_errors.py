@@ -18,7 +18,7 @@ from thermofem.models import NonlinearSystem
 
 from ..console import bar, note, say, show, working, written
 from ..inputs.command_files import expect
-from ..inputs.light_drives import plane_words
+from ..inputs.ring_drives import plane_words
 
 POWER_IS_ALIKE = "no material depends on temperature: the same at every power"
 

@@ -41,9 +41,8 @@ def explore(
     from thermofem import InputError
 
     from ..inputs.command_files import kind_of, note_ring, ring_of
-    from ..inputs.heater_drives import steady_heaters
-    from ..inputs.light_drives import detuning_of
     from ..inputs.page_models import loaded_models, models_of_family, models_of_geometry
+    from ..inputs.ring_drives import detuning_of, steady_heaters
 
     given = list(inputs or [])
     if output.suffix.lower() not in (".html", ".htm"):

@@ -51,8 +51,8 @@ def identify(
     from thermofem.models import save_model
 
     from ..inputs.command_files import model_of, note_ring, ring_of
-    from ..inputs.light_drives import detuning_of
     from ..inputs.light_tables import drop_table, held_of
+    from ..inputs.ring_drives import detuning_of
 
     for path in traces:
         files.regular(path)

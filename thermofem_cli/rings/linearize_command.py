@@ -47,8 +47,7 @@ def linearize(
     from thermofem import checks
 
     from ..inputs.command_files import model_of, note_ring, ring_of
-    from ..inputs.heater_drives import steady_heaters
-    from ..inputs.light_drives import detuning_of
+    from ..inputs.ring_drives import detuning_of, steady_heaters
 
     resonator = ring_of(ring)
     hertz = detuning_of(detuning, resonator)

@@ -40,8 +40,7 @@ def map_(
     from thermofem.data import quantity
 
     from ..inputs.command_files import model_of, note_ring, ring_of
-    from ..inputs.heater_drives import steady_heaters
-    from ..inputs.light_drives import grid
+    from ..inputs.ring_drives import grid, steady_heaters
     from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
 
     resonator = ring_of(ring)
@@ -87,8 +86,7 @@ def stability(
     import coupled
 
     from ..inputs.command_files import model_of, note_ring, ring_of
-    from ..inputs.heater_drives import steady_heaters
-    from ..inputs.light_drives import grid
+    from ..inputs.ring_drives import grid, steady_heaters
     from ..results.map_lines import draw_map, note_options, shows_threshold, threshold_axes, write_map
 
     resonator = ring_of(ring)

@@ -152,7 +152,7 @@ def ring(
 
     from ..inputs.command_files import section_of
     from ..inputs.drive_texts import wavelength_of
-    from ..results.heater_sheets import say_each, say_sheets
+    from ..results.heat_lines import say_each, say_sheets
 
     section = section_of(geometry)
     if loss is None and (section.light is None or section.light.loss is None):

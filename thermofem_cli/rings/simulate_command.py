@@ -50,8 +50,7 @@ def simulate(
 
     from ..inputs.command_files import model_of, note_ring, ring_of
     from ..inputs.drive_texts import amount_of, reading
-    from ..inputs.heater_drives import heater_powers
-    from ..inputs.light_drives import LASER_INPUTS, lasers, light
+    from ..inputs.ring_drives import LASER_INPUTS, heater_powers, lasers, light
 
     if sweep is not None:
         unit, _ = amount_of("--sweep", sweep.split(",")[0], *LASER_INPUTS)
@@ -141,8 +140,7 @@ def cosimulate(
 
     from ..inputs.command_files import note_ring, ring_of, section_of
     from ..inputs.drive_texts import reading, times_of
-    from ..inputs.heater_drives import heater_powers
-    from ..inputs.light_drives import detuning_of
+    from ..inputs.ring_drives import detuning_of, heater_powers
 
     resonator = ring_of(ring)
     settings: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Lasers as a person writes them: powers, detunings, sweeps, modulation and further lasers."""
+"""Lasers and heaters of a ring as a person writes them: powers, detunings, sweeps, modulation, voltages, currents."""
 
 import math
 import re
@@ -11,12 +11,14 @@ from scipy.constants import c
 import coupled
 from coupled import RingResonator
 from coupled.maps.hopf_plane import Window
+from coupled.resistive_heaters import check_drive
 from thermofem import InputError, checks
 from thermofem.data import quantity
 
-from .drive_texts import RANGE, amount_of, reading, varying
+from .drive_texts import RANGE, amount_of, assigned, reading, varying
 
 LASER_INPUTS = {"Hz": "detuning", "W": "power"}
+HEATER_INPUTS: dict[str, Any] = {"V": coupled.Volts, "A": coupled.Amperes, "W": lambda power: power}
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 
 
@@ -99,3 +101,27 @@ def lasers(texts: list[str] | None, ring: RingResonator, duration: float = math.
         hertz = detuning_of(detuning.strip(), mode or ring, "--laser")
         further.append(coupled.Laser(watts, hertz, mode))
     return further
+
+
+def heater_powers(texts: list[str] | None, duration: float = math.inf) -> dict[str, Any]:
+    """Return the drives of heaters by name, in W, V or A: numbers, or functions of time in a run of ``duration`` s.
+
+    A text without a name is that of the part "heater".
+    """
+    named = [text if "=" in text else f"heater={text}" for text in texts or []]
+    drives = {}
+    for name, text in assigned("--heater", named, "heater=5 mW").items():
+        option = f"--heater {name}"
+        unit, value = amount_of(option, text, *HEATER_INPUTS)
+        check_drive(option, value, unit)
+        drives[name] = HEATER_INPUTS[unit](varying(option, text, unit, duration))
+    return drives
+
+
+def steady_heaters(texts: list[str] | None) -> dict[str, Any]:
+    """Return the constant drives of heaters by name, in W, V or A."""
+    drives = heater_powers(texts)
+    for name, drive in drives.items():
+        if not isinstance(getattr(drive, "wave", drive), float):
+            raise InputError(f"--heater {name} varies in time, and this command takes constant drives")
+    return drives
