@@ -18,7 +18,7 @@ from .. import options
 from ..console import note, written
 from .command_files import check_channel, note_ring, ring_of
 from .drive_texts import assigned, reading
-from .light_drives import detuning_of
+from .ring_drives import detuning_of
 
 
 def units_of(family: Family) -> dict[str, str]:
