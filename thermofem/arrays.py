@@ -37,6 +37,13 @@ def scattered(local: Array, rows: Indices, columns: Indices, count: int) -> csr_
     return csr_matrix((local.ravel(), (at_rows, at_columns)), shape=(count, count))
 
 
+def summed(numbers: Indices, values: Any, count: int) -> Any:
+    """Sum of all ``values``, real or complex, that have the same number; shape (count,)."""
+    if np.iscomplexobj(values):
+        return summed(numbers, values.real, count) + 1j * summed(numbers, values.imag, count)
+    return np.bincount(numbers.ravel(), values.ravel(), minlength=count).astype(float)
+
+
 def runs_of(holds: Mask) -> list[tuple[int, int]]:
     """First index of each run of true values, and the index after its last.
 

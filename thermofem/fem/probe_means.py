@@ -28,10 +28,10 @@ from scipy.spatial import cKDTree
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
-from ..arrays import Array
+from ..arrays import Array, summed
 from ..geometry.regions import distance, nearest
 from ..mesh.triangles import radii, sampled, sides
-from .weak_forms import magnitude, summed, volume
+from .weak_forms import magnitude, volume
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection

@@ -12,7 +12,7 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 from ..algebra.factor import Pencil
-from ..arrays import Array, ArrayLike, Indices, Mask, scattered
+from ..arrays import Array, ArrayLike, Indices, Mask, scattered, summed
 from ..geometry.section_parts import AMBIENT
 from ..mesh.triangles import radii
 from ..models import StateSpace
@@ -188,13 +188,6 @@ def maps(grid: Grid, points: Any = None) -> tuple[Array, Array, Array]:
 def magnitude(det: Any) -> Any:
     """|det| of real numbers, continued analytically to complex ones."""
     return det * np.sign(det.real)
-
-
-def summed(numbers: Indices, values: Any, count: int) -> Any:
-    """Sum of all ``values``, real or complex, that have the same number; shape (count,)."""
-    if np.iscomplexobj(values):
-        return summed(numbers, values.real, count) + 1j * summed(numbers, values.imag, count)
-    return np.bincount(numbers.ravel(), values.ravel(), minlength=count).astype(float)
 
 
 class ReferenceTriangle(NamedTuple):

@@ -154,7 +154,7 @@ def _corners(cut: Subdivision, ends: Indices, heated: Any, h_c: float) -> list[t
     for face in cut.faces:
         for ring in face.rings:
             before = ring - np.roll(ring, 1, axis=0)
-            after = np.roll(ring, -1, axis=0) - ring
+            after = np.roll(before, -1, axis=0)
             cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
             for (r, z), turn in zip(ring.tolist(), cross, strict=True):
                 turns.setdefault((r, z), []).append(turn)

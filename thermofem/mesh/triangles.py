@@ -12,7 +12,7 @@ import shapely
 import skfem
 
 from .. import checks
-from ..arrays import Array, Indices, NDArray
+from ..arrays import Array, Indices, NDArray, summed
 from ..checks import InputError
 from ..data import files
 
@@ -152,9 +152,7 @@ def sampled(basis: Any, points: Array, weights: Array, mesh: Any = None) -> Arra
         r, z = points[cells.argmin()]
         raise InputError(f"the point r = {r:g} m, z = {z:g} m lies in no triangle of the mesh")
     functions = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-    values = weights * functions
-    unknowns = basis.element_dofs[:, cells]
-    return np.bincount(unknowns.ravel(), values.ravel(), minlength=basis.N).astype(float)
+    return summed(basis.element_dofs[:, cells], weights * functions, basis.N)
 
 
 def load(path: str | Path) -> Mesh:

@@ -81,8 +81,7 @@ class Quadratic:
             if name == "H":
                 value = (value + value.transpose(0, 2, 1)) / 2
             checks.keep(self, **{name: value})
-        slowest = float(np.linalg.eigvals(-self.A).real.min())
-        checks.positive("rate of the slowest pole of A", slowest, unit="1/s", hint="every pole must decay")
+        checks.positive("rate of the slowest pole of A", self.slowest_rate, unit="1/s", hint="every pole must decay")
         keep_names(self)
         check_rise(self.largest_rise)
 
@@ -130,8 +129,7 @@ class Quadratic:
         """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, also for equal poles."""
         t = np.maximum(checks.numbers("times", times), 0)
         weight = np.linalg.solve(self.A.T, self.C)
-        slowest = np.abs(np.linalg.eigvals(self.A).real).min()
-        settled = 1e3 / slowest  # s; expm of a longer time would overflow
+        settled = 1e3 / self.slowest_rate  # s; expm of a longer time would overflow
 
         def rise(t: Array) -> Array:
             flow = expm(np.minimum(t, settled)[..., None] * self.A)
