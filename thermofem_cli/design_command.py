@@ -101,15 +101,11 @@ def design(
         for k in sorted({round(k * (count - 1) / 8) for k in range(9)}):  # at most nine, ends included
             row = "  ".join(f"{name} = {written(values[k], units[name])}" for name, values in front.items())
             say(f"{channel}: {row}")
+    stated = ("values", "achieved", "reached", "active", "sensitivity", "thermal_resistance")
     return {
         **ports,
-        "values": result.values,
-        "achieved": result.achieved,
-        "reached": result.reached,
-        "active": list(result.active),
-        "sensitivity": result.sensitivity,
+        **{name: getattr(result, name) for name in stated},
         "error": result.certified.error,
-        "thermal_resistance": result.thermal_resistance,
         "front": front,
         "geometry": output,
     }
