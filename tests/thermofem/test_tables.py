@@ -180,6 +180,7 @@ def test_layouts_of_instruments_and_simulators(layout, tmp_path):
         ("Time (s),Shift (pm)\n", "{t},{y}\n", {}, 'sensitivity, such as "75 pm/K"'),
         ("Time (s),T (K)\n", "{t:.0e},{y}\n", {}, "rounded"),
         ("a,b,c\n", "{t},{y},1\n", {}, "3 columns of numbers.*--columns"),
+        ("Time (s),T (K)\n", "{k},{k}" + 400 * "0" + "\n", {}, "beyond 1e308"),
         ("Time (s),T (K)\n", "{t},{y}\n", {"sensitivity": "1 mV/K"}, "sensitivity"),
         ("Time (s),U (V)\n", "{t},{fall}\n", {}, "--fall.*--sensitivity"),
         ("Time (ns);T (mK);note\n", "1,{k:03d};2,{k:03d};at 3, on\n", {}, "may divide thousands"),

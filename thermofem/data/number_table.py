@@ -227,7 +227,10 @@ def _number_columns(cells: Any) -> Any:
     """
     import pandas as pd
 
-    numbers = cells.apply(pd.to_numeric, errors="coerce")
+    try:
+        numbers = cells.apply(pd.to_numeric, errors="coerce")
+    except OverflowError:
+        raise InputError("a whole number of its rows is beyond 1e308") from None
     counts = numbers.notna().sum()
     numbers = numbers.loc[:, counts >= MOSTLY * counts.max()]
     damaged = (numbers.isna() & cells[numbers.columns].notna()).any(axis=1)
