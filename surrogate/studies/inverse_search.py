@@ -48,10 +48,11 @@ class Optics:
 
     def check(self, family: Family) -> None:
         """Raise InputError for a parameter that the family does not have."""
-        for numbers in (self.at, *self.slopes.values()):
-            for name, value in checks.mapping("optics", numbers).items():
+        slopes = {f"slope of {number} by": by_name for number, by_name in self.slopes.items()}
+        for label, numbers in {"at": self.at, **slopes}.items():
+            for name, value in checks.mapping(f"optics: {label}", numbers).items():
                 checks.choice("optics: parameter", name, family.names)
-                checks.finite(f"optics: number of {name}", value)
+                checks.finite(f"optics: {label} {name}", value)
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every optical number, by name in SI, at the member with the parameters ``values``."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -74,11 +74,12 @@ class Pencil:
 
     def __init__(self, E: Any, K: Any) -> None:
         n = E.shape[0]
-        places = [_upper_triangle(matrix)[0] for matrix in (E, K)]
-        self._pattern = np.union1d(*places)
+        triangles = [_upper_triangle(matrix) for matrix in (E, K)]
+        (place, _), (other, _) = triangles
+        self._pattern = place if np.array_equal(place, other) else np.union1d(place, other)
         self._indices = self._pattern % n
         self._indptr = np.searchsorted(self._pattern, np.arange(n + 1) * n)
-        self._data = self._values(E, K)
+        self._data = self._values(triangles)
         self._shape = E.shape
         self.__setstate__({})
 
@@ -120,18 +121,17 @@ class Pencil:
             with self._lock:
                 self._spare += solvers
 
-    def _values(self, *matrices: Any) -> Array:
-        """Entries of symmetric matrices on the sparsity pattern, shape (matrices, entries)."""
-        values = np.zeros((len(matrices), self._pattern.size))
-        for row, matrix in zip(values, matrices, strict=True):
-            place, data = _upper_triangle(matrix)
+    def _values(self, triangles: Sequence[tuple[Indices, Array]]) -> Array:
+        """Entries of symmetric matrices, given as `_upper_triangle`, on the sparsity pattern; (matrices, entries)."""
+        values = np.zeros((len(triangles), self._pattern.size))
+        for row, (place, data) in zip(values, triangles, strict=True):
             row[np.searchsorted(self._pattern, place)] = data
         return values
 
     def replace(self, E: Any, K: Any) -> None:
         """Replace E and K by matrices with entries on the same sparsity pattern; all factors are dropped."""
         with self._lock:
-            self._data = self._values(E, K)
+            self._data = self._values([_upper_triangle(matrix) for matrix in (E, K)])
             self._spare = self._release()
             self._seen.clear()
 

@@ -36,8 +36,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse import diags
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import LinearOperator, cg
 from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
@@ -238,14 +237,15 @@ class Enrichment:
         def at(numbers: Any) -> Any:
             return numbers.real + s * numbers.imag
 
-        matrix = at(self.own)
-        scaled = diags(1 / matrix.diagonal())
-        residual = load[self.free] - at(self.across) @ quadratic
+        diagonal = at(self.own.diagonal())
+        matrix = LinearOperator(self.own.shape, lambda x: at(self.own @ x), dtype=float)
+        scaled = LinearOperator(self.own.shape, lambda x: x / diagonal, dtype=float)
+        residual = load[self.free] - at(self.across @ quadratic)
         correction = np.zeros_like(load)
         for column, b in zip(correction.T, residual.T, strict=True):
             column[self.free], _ = cg(matrix, b, rtol=0.0, maxiter=STEPS, M=scaled)
         free = correction[self.free]
-        products = free.T @ (matrix @ free)
+        products = free.T @ at(self.own @ free)
         x = correction[self.cubic]
         energies = np.einsum("tia,tia->at", x, at(self.each) @ x)
         return products, energies
