@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.sparse import hstack
+from scipy.sparse import csr_matrix, hstack
 
 from ..algebra.factor import Pencil
 from ..arrays import Array
@@ -216,8 +216,14 @@ class _Neighbour:
     """Symmetric approximation of the Jacobian of a `NodalOperator`."""
 
     def __init__(self, operator: NodalOperator) -> None:
+        n = operator.matrix.shape[0]
         self.operator = operator
         self.slopes = [np.ones(nodes.size) for _, nodes in operator.laws]
+        self.rest = operator.matrix[:, :n]
+        self.blocks = []
+        for _, nodes, block in operator.parts():
+            picked = at_nodes(np.ones(nodes.size), nodes, n)
+            self.blocks.append((picked.T @ block[nodes] @ picked).tocoo())
 
     def drift(self, x: Array) -> float:
         """Largest relative change of a law's derivative since `at`; InputError for a law that is not positive."""
@@ -228,8 +234,10 @@ class _Neighbour:
     def at(self, x: Array) -> Any:
         """The approximation at the rise ``x``, sparse."""
         self.slopes = self.operator.slopes(x)
-        total = self.operator.matrix[:, : x.size]
-        for (_, nodes, block), slope in zip(self.operator.parts(), self.slopes, strict=True):
-            root = at_nodes(np.sqrt(slope), nodes, x.size)
-            total = total + root.T @ block[nodes] @ root
+        total = self.rest
+        for (_, nodes), block, slope in zip(self.operator.laws, self.blocks, self.slopes, strict=True):
+            root = np.zeros(x.size)
+            root[nodes] = np.sqrt(slope)
+            weighted = block.data * root[block.row] * root[block.col]
+            total = total + csr_matrix((weighted, (block.row, block.col)), shape=block.shape)
         return total
