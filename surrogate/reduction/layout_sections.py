@@ -24,6 +24,7 @@ from .shape_points import LANE, distances, lanes_of, points_of
 from .stack_green import DISTANCES, ENDLESS, HELD, UNIFORM, Spread, Stack
 
 SECTION = 0.2  # of the tolerance, for the mesh of a section
+LANE_SIGMA = LANE / math.sqrt(12)  # m, standard deviation of the widest lane of a line
 OTHER = 0.08e12  # 1/m^2, relative error of a gain for w h of silicon or metal that is taken as oxide
 
 
@@ -155,7 +156,7 @@ class Layout:
         for i, j in combinations_with_replacement(range(len(self.shapes)), 2):
             both = _spread(self.shapes[i]), _spread(self.shapes[j])
             if self.along[i, j] == 0.0 and self.apart[i, j] > 0.0:
-                both = both[0]._replace(sigma=LANE / math.sqrt(12)), both[1]._replace(sigma=LANE / math.sqrt(12))
+                both = both[0]._replace(sigma=LANE_SIGMA), both[1]._replace(sigma=LANE_SIGMA)
             groups[min(both), max(both)].append((i, j))
         return groups
 

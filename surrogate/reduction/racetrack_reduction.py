@@ -67,8 +67,8 @@ def reduce_racetrack(
         "geometry": ring.to_toml(),
         "ports": list(model.inputs),
     }
-    for of_all in ("positions", "outlines", "half_times"):
-        del origin[of_all]
+    for of_layout in ("positions", "outlines", "half_times", "resistors"):  # the ring itself says what its heaters are
+        del origin[of_layout]
     return replace(model, origin=origin)
 
 

@@ -481,6 +481,8 @@ def test_spice_takes_a_layout(chip, tmp_path):
 RING = th.racetrack("ring 1", THIN)
 PLATE = replace(THIN, parts=(*THIN.parts, th.Part("plate", "Al", bottom=1e-6, height=1e-7, x=0.0, width=30e-6)))
 HIGH = th.Part("core", "Si", bottom=9e-6, height=220e-9, heated=True, x=0.0, width=450e-9)
+TURN = np.linspace(0.0, 2 * math.pi, 400)
+EIGHT = 20e-6 * np.column_stack([np.sin(TURN), np.sin(TURN) * np.cos(TURN)])
 VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
 
 
@@ -510,6 +512,8 @@ VOID = th.Part("trench", "void", bottom=-1e-6, height=0.5e-6, x=0.0, width=1e-6)
         (lambda: th.Shape("bar", THIN, part="heater", **BAR), "known: core"),
         (lambda: th.Shape("bar", THIN, path=[(0, 0), (9e-6, 0), (9e-6, 9e-6)]), "turns by 90 deg"),
         (lambda: th.Shape("bow", THIN, outline=[(0, 0), (9e-6, 9e-6), (9e-6, 0), (0, 9e-6)]), "crosses itself"),
+        (lambda: th.Shape("eight", THIN, path=EIGHT), "its path crosses itself"),
+        (lambda: th.Shape("spiral", THIN, path=EIGHT[:300]), "its path crosses itself"),
         (lambda: th.Shape("bar", THIN, path=[(0, 0), (0.2e-6, 0)]), "longer than wide"),
         (lambda: th.Shape("bar", THIN, path=[0.0, 1.0]), "rows (x, y) in m"),
     ],
