@@ -148,8 +148,7 @@ def with_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
     They set up the console; ``command`` itself gets only those of them that are among its own arguments. The section
     `OPTIONS` of its docstring is the help of its own options; one that begins with a unit, as "[s > 0]", makes a number
-    of the text, in SI. Its files are checked before it runs, and those that it
-    returns are named after it.
+    of the text, in SI. Its files are checked before it runs, and those that it returns are named after it.
     """
     arguments = dict(inspect.signature(command, eval_str=True).parameters)
     text, _, section = (inspect.getdoc(command) or "").partition(OPTIONS)

@@ -18,7 +18,8 @@ struct Held {  // the problem of the kernel under inputs that do not change for 
   Problem problem = {};
   Held(const double* in, double span) : edges{0, span} {
     double z_0 = 0;
-    for (int k = 0; k < ORDER; k++) rest[k] = warming(in, k) / RATE[k], z_0 += READ[CORE][k] * rest[k];
+    for (int k = 0; k < ORDER; k++) rest[k] = warming(in, k) / RATE[k];
+    for (int k = 0; k < ORDER; k++) z_0 += READ[CORE][k] * rest[k];
     const double slope = 1 + 2 * COEFFICIENT * z_0, dT_0 = z_0 + COEFFICIENT * z_0 * z_0;
     for (int k = 0; k < ORDER; k++) {
       read[k] = slope * READ[CORE][k];

@@ -44,7 +44,7 @@ DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL = range(6)  # why the kernel return
 _D, _I, _L, _P = c.c_double, c.c_int, c.c_int64, c.c_void_p
 
 
-# arrays of `structures.Problem` that hold complex numbers, and integers; all others hold floats
+# arrays of `library.Problem` that hold complex numbers, and integers; all others hold floats
 COMPLEX = {"own", "entry", "between", "taken", "sent", "late", "seen_ring", "seen_laser", "seen_late"}
 WHOLE = {"sequence", "jumps", "varies"}
 
@@ -371,7 +371,7 @@ class _Room:
 
 
 def _kind(name: str) -> Any:
-    """Type of the numbers in an array of `structures.Problem`."""
+    """Type of the numbers in an array of `library.Problem`."""
     if name in COMPLEX:
         return complex
     return np.int32 if name in WHOLE else float

@@ -133,7 +133,8 @@ def solve_racetrack(
 def racetrack_sheets(ring: CrossSection, mode: Mode | None = None) -> dict[str, dict[str, float]]:
     """Data sheets of the heaters along a racetrack, as of `HeatProblem.heater_sheet`; {} without light or heaters.
 
-    mode: the light, by default that of [light]. The log warns where its core is not heated, so that it is not read.
+    mode: the light, by default that of [light]. The log warns where its temperature is not read: of a core that is not
+        heated, and of a mode that is not fundamental.
     """
     core = mode.core if mode else getattr(ring.light, "part", None)
     heaters = [name for name in ring.heated if name != core]
@@ -144,6 +145,10 @@ def racetrack_sheets(ring: CrossSection, mode: Mode | None = None) -> dict[str, 
         log.warning("no data sheet of heaters: the light is read beside the heat of %r; %s", core, hint)
         return {}
     mode = mode or light(ring).mode()
+    if not mode.name.endswith("0"):
+        hint = "a racetrack reads the temperature of TE0 or TM0 alone"
+        log.warning("no data sheet of heaters: the light is %s; %s", mode.name, hint)
+        return {}
     lit = replace(ring, light=Guide(mode.wavelength, core, polarisation=mode.name[:2]))
     gain = reduce_racetrack(lit, heated=heaters, read=[*heaters, LIGHT]).gain
     sheets = {}

@@ -119,9 +119,11 @@ class Stack:
         square = self.along[layer] * k[:, None] ** 2 + s * self.capacity[layer]
         q = np.sqrt(square / self.across[layer])
         kappa = self.across[layer] * q
-        fade = np.exp(-q * np.diff(cuts))
-        through = 2 * kappa * fade / (1 - fade**2)
-        into = kappa * (1 + fade**2) / (1 - fade**2)
+        depth = q * np.diff(cuts)
+        fade = np.exp(-depth)
+        lost = -np.expm1(-2 * depth)  # 1 - fade^2, also of a thin piece
+        through = 2 * kappa * fade / lost
+        into = kappa * (1 + fade**2) / lost
         matrix = np.zeros((k.size, cuts.size, cuts.size), dtype=complex)
         near = np.arange(layer.size)
         far = near + 1

@@ -173,6 +173,9 @@ def test_the_data_sheet_of_a_racetrack_is_that_of_the_mode_asked_for(caplog):
     # 1e-6: the same computation; TE0 sees another rise by 3e-4
     assert sheet["thermal_resistance"] == pytest.approx(gain, rel=1e-6)
     core, heater = section.parts
+    wide = replace(section, parts=(replace(core, inner_radius=6.5e-6, outer_radius=7.5e-6), heater))
+    assert racetrack_sheets(wide, th.light(wide).mode("TE1")) == {}
+    assert "no data sheet of heaters: the light is TE1" in caplog.text
     lower = replace(heater, name="lower", bottom=heater.bottom - 0.5e-6)
     dark = replace(section, parts=(replace(core, heated=False), heater, lower))
     assert racetrack_sheets(dark) == {}

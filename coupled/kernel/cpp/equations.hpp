@@ -17,7 +17,6 @@
 // resonances: Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007).
 #pragma once
 #include "dual.hpp"
-
 constexpr int TERMS = 8;               // most terms of S(N)
 constexpr double EPS = 1e15 / 1e23;    // of S(N); six orders below the densities that matter
 

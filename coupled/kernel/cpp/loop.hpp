@@ -188,7 +188,8 @@ template <class System> struct Integration {
         if (!wanted) keep(L.piece, part, arrived);
         if (steps) steps[L.accepted] = part * L.h;
         L.accepted++;
-        if (halt) return stop_at(event), EVENT;
+        if (halt) stop_at(event);
+        if (halt) return EVENT;
         system.accept(L.t, L.h, planned, arrived);
         L.t = arrived;
         memcpy(y, out, size * sizeof(double));

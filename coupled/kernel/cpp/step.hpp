@@ -10,7 +10,6 @@
 // Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.7.
 #pragma once
 #include "equations.hpp"
-
 #define INLINE __attribute__((always_inline)) inline
 #define INLINE_LAMBDA __attribute__((always_inline))
 constexpr int STAGES = 8;  // at most
